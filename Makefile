@@ -11,7 +11,7 @@ DOCS := build/docs-env
 # Where it is set, every worker and every `artemis` that the tests start would compile everything again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-ci test-all check fast fast-equals-plain bench bench-fast bench-followers host-death campaign coverage core-coverage mutation fuzz picture page-pictures thesis docs wheel clean
+.PHONY: demo test test-ci late test-all check fast fast-equals-plain bench bench-fast bench-followers host-death campaign campaigns coverage core-coverage mutation fuzz picture page-pictures thesis docs wheel clean
 
 demo: $(READY)
 	@$(BIN)/artemis run missions/figure_eight.yaml
@@ -21,6 +21,9 @@ test: $(READY)
 
 test-ci: $(READY)
 	@$(BIN)/python -m pytest -m "not exhaustive or programs" --left
+
+late: $(READY)
+	@for try in 1 2 3; do $(BIN)/python -m pytest -n 0 -m "" --late && exit 0; done; exit 1
 
 test-all: $(READY)
 	@$(BIN)/python -m pytest -m "" --hypothesis-profile=exhaustive
@@ -51,6 +54,11 @@ host-death: $(READY)
 
 campaign: $(READY)
 	@$(BIN)/artemis campaign missions/campaigns/everything.yaml
+
+campaigns: $(READY)
+	@failed=0; for robot in absolute cia402 epos4 rear_driven small_car small_car_switch tricycle; do \
+		$(BIN)/artemis campaign missions/campaigns/$$robot.yaml || failed=1; \
+	done; exit $$failed
 
 coverage: $(READY)
 	@$(BIN)/coverage erase

@@ -36,6 +36,7 @@ artemis/sim/cia402_power.py
 artemis/sim/dictionary.py
 artemis/sim/epos.py
 artemis/sim/epos1_motion.py
+artemis/sim/epos2.py
 artemis/sim/epos4.py
 artemis/sim/epos4_errors.py
 artemis/sim/epos4_homing.py

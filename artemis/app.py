@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from datetime import datetime
+from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +30,7 @@ from artemis.planning import (
     is_fast,
     is_simulated,
     localizer_of,
+    origin_of,
     plan_for,
     plugin_made,
     setup_for,
@@ -46,6 +48,7 @@ from artemis.recording.run_folder import RunFolder
 from artemis.robot import Core, Robot
 from artemis.run_record import RunRecord, files_of, provenance_of
 from artemis.states.plan import Plan, Results, with_behaviours, with_followers
+from artemis.states.requests import ignored
 from artemis.supervision import catalogue
 from artemis.values import Fault, Pose, Severity, Tick
 
@@ -93,6 +96,8 @@ class Parts:
     plan: Plan | None = None
     inputs: Mapping[str, InputDevice] | None = None
     robot: Callable[..., Robot] = Robot
+    plugins: Callable[[str, PluginUse, PluginContext], Any] = plugin_made
+    """Makes an input or a localizer: of this group, as the mission uses it."""
     disk: Disk | None = None
     """What the run is recorded on."""
     loop: type[asyncio.AbstractEventLoop] | None = None
@@ -142,7 +147,8 @@ class _Run:
         begun = clock.stopwatch()
         patient = None if self.record.threaded else self.attendance.is_undisturbed
         with self.attendance.holding_signals():
-            with self.record.observing(self.asked, patient), asyncio.Runner(loop_factory=loop) as runner:
+            origin = partial(origin_of, self.loaded, self.simulated)
+            with self.record.observing(self.asked, patient, origin), asyncio.Runner(loop_factory=loop) as runner:
                 runner.run(self._main())
                 reason = self.ending.reason if self.failed else ""
                 self.record.outcome = f"failed: {reason}".removesuffix(": ") if self.failed else DONE
@@ -232,9 +238,8 @@ class _Run:
         devices: dict[str, InputDevice] = {}
         with ExitStack() as made:  # where one cannot be made, those before are closed
             for name, use in inputs_used(self.loaded, self.simulated).items():
-                setup = replace(
-                    setup_for(self.loaded, name), wake=wake, typed=self.attendance.hear, real_time=self.record.threaded
-                )
+                setup = replace(setup_for(self.loaded, name), wake=wake, typed=self.attendance.hear, ignored=ignored)
+                setup = replace(setup, real_time=self.record.threaded)
                 devices[name] = self._made(name, "artemis.inputs", use, setup)
                 made.callback(devices[name].close)
             made.pop_all()
@@ -261,7 +266,7 @@ class _Run:
         """The plugin that the mission uses, asked by its name."""
         self.asked.begin(name)
         try:
-            return plugin_made(group, use, context)
+            return self.parts.plugins(group, use, context)
         finally:
             self.asked.end()
 

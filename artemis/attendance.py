@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from math import inf
 
 from artemis.mission.schema import Operation
+from artemis.progress import Answer
 from artemis.values import Request
 
 OPERATOR_GRACE = 5.0
@@ -29,7 +30,7 @@ ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Signals that end a run."""
 Typed = Callable[[bytes], None]
 """Is called with what is typed at the terminal; with nothing once that is closed."""
-Operator = Callable[[Callable[[Request | str], None], Typed | None], Callable[[], None]]
+Operator = Callable[[Callable[[Request | Answer], None], Typed | None], Callable[[], None]]
 """Given where requests go, and all that is typed (None: nobody wants it), begins to listen to somebody at a terminal;
 returns how to stop."""
 
@@ -83,7 +84,7 @@ class Attendance:
             for number in self._taken:
                 signal.signal(number, before[number])
 
-    def begin(self, loop: asyncio.AbstractEventLoop, request: Callable[[Request | str], None]) -> Callable[[], None]:
+    def begin(self, loop: asyncio.AbstractEventLoop, request: Callable[[Request | Answer], None]) -> Callable[[], None]:
         """Pass on what everybody asks for from now on; returns how to stop. Signals stay taken: `holding_signals`.
 
         SIGINT, SIGTERM and SIGHUP end the run, whoever started it; a second one stops quickly. SIGINT does so

@@ -100,11 +100,13 @@ def check(
     from artemis.mission.extras import slower_without_numba
     from artemis.mission.loading import load_mission
     from artemis.mission.random_walks import walked
+    from artemis.planning import check_drivable, is_simulated
 
     problems: list[str] = []
     for mission in missions:
         try:
             loaded = load_mission(mission)
+            check_drivable(loaded, mission, is_simulated(loaded))
             remarks = [*loaded.remarks, *slower_without_numba(loaded), *walked(loaded, walk, seed)]
             typer.echo("\n  ".join([f"{mission}: ok", *remarks]))
         except ConfigError as error:

@@ -10,7 +10,7 @@ from pydantic import Field
 from artemis.axles import Side
 from artemis.config import Config, Quantity
 from artemis.families import FAMILIES, GENERATIONS
-from artemis.families.cia402 import NO_REACTION, POWER_CUTS, Cia402, family_from, is_ours
+from artemis.families.cia402 import ERRORS, NO_REACTION, OPTIONAL, POWER_CUTS, Cia402, family_from, is_ours
 from artemis.families.family import MAXON, TORQUE_CONSTANT, Family
 from artemis.yaml_file import KeyPath
 
@@ -192,6 +192,11 @@ def _profile(drive: Drive) -> Iterator[tuple[KeyPath, str]]:
             text = f"expected {first:g}, as of the first one, found {second:g}"
             yield ("cia402", "analog_inputs", 1, "units_per_v"), text
     yield from _option_codes(words)
+    yield from _errors(words)
+    for number, index in enumerate(words.absent):
+        if index not in OPTIONAL:
+            known = ", ".join(f"0x{each:04X}" for each in OPTIONAL)
+            yield ("cia402", "absent", number), f"expected one of {known}, found 0x{index:04X}"
     for number, given in enumerate(words.settings):
         if is_ours(words, given):
             yield ("cia402", "settings", number), f"{given.object} is written by artemis: there are other keys for it"
@@ -202,10 +207,25 @@ def _profile(drive: Drive) -> Iterator[tuple[KeyPath, str]]:
             yield ("cia402",), f"{', '.join(map(str, pdo))} have {length} bytes; a PDO holds 8"
 
 
+def _errors(words: Cia402) -> Iterator[tuple[KeyPath, str]]:
+    """Codes that mean something else already, and rows that no drive reports."""
+    rows = {row for family in FAMILIES.values() for row in family.errors.values()}
+    found: set[int] = set()
+    for number, given in enumerate(words.errors):
+        at = "cia402", "errors", number
+        if given.code in ERRORS:
+            yield (*at, "code"), f"0x{given.code:04X} means {ERRORS[given.code]} already (CiA 301, CiA 402)"
+        elif given.code in found:
+            yield (*at, "code"), f"0x{given.code:04X} is given twice"
+        if given.row not in rows:
+            yield (*at, "row"), f"{given.row} is no error that a drive reports: see `artemis faults`"
+        found.add(given.code)
+
+
 def _option_codes(words: Cia402) -> Iterator[tuple[KeyPath, str]]:
     """Those with which a wheel would go on turning."""
     if words.option_codes.abort_connection == NO_REACTION.value:
-        text = "0 is no reaction: without our heartbeat the drive would go on with its last set-point"
+        text = "0 is no reaction: without a heartbeat the drive would keep its last set-point"
         yield ("cia402", "option_codes", "abort_connection"), text
     for key, code in zip(("quick_stop", "fault_reaction"), POWER_CUTS, strict=True):
         if getattr(words.option_codes, key) == code.value and not words.brake:

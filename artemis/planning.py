@@ -12,8 +12,7 @@ from msgspec.structs import replace
 from artemis.axles import ByHand
 from artemis.config import Config
 from artemis.errors import ConfigError, PluginError
-from artemis.mission.actions import Ask, Calibrate, Follow, MeasureSteering, PluginUse, Recorded, Wait
-from artemis.mission.behaviours import behaviour_class
+from artemis.mission.actions import Calibrate, Follow, MeasureSteering, PluginUse, Recorded
 from artemis.mission.by_hand import Teleop
 from artemis.mission.gains import merged
 from artemis.mission.goto import MOST_OFF, Goto, goto_rules
@@ -22,17 +21,17 @@ from artemis.mission.obstacles import rules_for
 from artemis.mission.policies import policies_from
 from artemis.mission.schema import SerialWords
 from artemis.plugins.contracts import PluginContext, TakesTimeOnce, declared
-from artemis.plugins.guard import PLUGIN_ERRORS, told
+from artemis.plugins.guard import FOLLOWER, LOCALIZER, PLUGIN_ERRORS, told
+from artemis.plugins.registry import BEHAVIOURS, FOLLOWERS, INPUTS, LOCALIZERS, OBSERVERS, behaviour_class, package_of
 from artemis.plugins.stated import enable_of, follower_speed, input_speed, is_live, stale_limit
 from artemis.plugins.used import localizer_used
 from artemis.progress import Position
 from artemis.recording.provenance import ResumePoint
 from artemis.robot import Core
 from artemis.scan import ObstacleRules
-from artemis.states.advance import Passive, states_in
+from artemis.states.advance import states_in
 from artemis.states.gains import GainsStep, TurnStep
 from artemis.states.plan import (
-    AskStep,
     BehaviourStep,
     CalibrateStep,
     FollowStep,
@@ -40,7 +39,6 @@ from artemis.states.plan import (
     Plan,
     Step,
     TeleopStep,
-    WaitStep,
 )
 from artemis.states.steering import SteeringStep
 from artemis.vehicle import RobotFile
@@ -51,14 +49,11 @@ def plan_from(loaded: LoadedMission) -> Plan:
     """The mission's steps, with their paths read and their followers made."""
     steps: list[Step] = []
     for number, (_, step) in enumerate(loaded.tree.steps):
+        if (passive := loaded.tree.passive[number]) is not None:
+            steps.append(passive)
         match action := step.action:
             case Calibrate():
                 steps.append(_calibrate_step(loaded.robot, action))
-            case Wait():
-                ends = loaded.tree.passive[number] or Passive()
-                steps.append(WaitStep(seconds=ends.seconds, condition=ends.condition, at_most=ends.at_most))
-            case Ask():
-                steps.append(AskStep(question=action.question, answers=action.answers, at_most=action.at_most_s))
             case Teleop():
                 steps.append(_teleop_step(loaded, action))
             case Follow():
@@ -120,12 +115,13 @@ def _follow_step(loaded: LoadedMission, number: int, action: Follow) -> FollowSt
     return FollowStep(
         route=loaded.routes[number] if recorded is None else recorded.recorded,
         follower=made(plugin, config, setup_for(loaded, action.follower.plugin)),
-        close_within=0.0 if recorded is None else recorded.close_within_m,
         nearest=action.start == "nearest",
         max_cross_track=action.max_cross_track_m,
         speed=follower_speed(config),
         obstacles=None if action.obstacles is None else rules_for(action.obstacles, loaded.robot),
-        **action.wanted,
+        laps=action.laps,
+        from_end=action.from_end,
+        backward=action.wanted["backward"],
     )
 
 
@@ -221,6 +217,21 @@ def localizer_of(loaded: LoadedMission, simulated: bool) -> PluginUse | None:
     return use
 
 
+def origin_of(loaded: LoadedMission, simulated: bool, name: str) -> str:
+    """Which plugin, of which package, a run asks by a name of its mission, for people."""
+    asked = [(name, INPUTS, use.plugin) for name, use in inputs_used(loaded, simulated).items()]
+    asked += [(name, OBSERVERS, use.plugin) for name, use in loaded.mission.observers.items()]
+    if (use := localizer_of(loaded, simulated)) is not None:
+        asked.append((LOCALIZER, LOCALIZERS, use.plugin))
+    for _, step in loaded.tree.steps:
+        if step.behaviour:
+            asked.append((step.behaviour, BEHAVIOURS, step.behaviour))
+        elif isinstance(step.action, Follow | Goto):
+            asked.append((FOLLOWER, FOLLOWERS, step.action.follower.plugin))
+    found = {f"{plugin} of {package_of(group, plugin)}" for given, group, plugin in asked if given == name}
+    return " or ".join(sorted(found))
+
+
 def scanners_used(loaded: LoadedMission, simulated: bool) -> dict[str, PluginUse]:
     """The robot's scanners; in simulation those that have a stand-in by that."""
     named = {name: PluginUse(plugin=mount.plugin, **mount.options) for name, mount in loaded.robot.scanners.items()}
@@ -282,7 +293,7 @@ def check_drivable(loaded: LoadedMission, source: FilePath, simulated: bool) -> 
     if isinstance(loaded.mission.bus, SerialWords) and not simulated:
         why = (
             "nothing is driven over a serial line: an EPOS cannot watch the computer over it, so a wheel would turn on "
-            "when that fails, and asking four drives takes longer than a tick"
+            "without end when that fails"
         )
         use = "over it `artemis devices`, `configure` and `calibrate` read and write drives; drive over CAN"
         raise ConfigError(loaded.documents[str(source)].problem(("bus",), f"{why}; {use}, or --simulate"))

@@ -11,13 +11,20 @@ TIMELESS = ("say", "end", "stop")
 BLOCKED = "blocked"
 """The outcome of a step that stood for an obstacle for too long."""
 SHORT = "battery-short"
-"""The outcome of a step whose path is longer than the battery reaches."""
+"""The outcome of a step whose path, or what is left of it, is longer than the battery reaches."""
 NO_PATH = "no-path"
 """The outcome of a `goto` to whose place no route leads."""
 DONE = "done"
 """The outcome of a step that has done what it is for."""
 OWN_STEPS = ("calibrate", "follow", "goto", "wait", "teleop", "ask", *TIMELESS, *WORDS)
 """Artemis' own steps and words: no behaviour can have such a name."""
+OF_BATTERY = ("charge_percent", "range_m", "time_left_s")
+"""Signals that only a robot has whose file describes its battery."""
+MEASURED = ("run_s", "driven_m", "battery_v", *OF_BATTERY)
+"""Artemis' own signals that are numbers."""
+CONDITION_WORDS = ("and", "or", "not")
+TAKEN_SIGNALS = (*MEASURED, "round", "answer", *CONDITION_WORDS)
+"""No signal of a behaviour can have such a name."""
 
 
 class SignalValue(Struct, frozen=True, kw_only=True, gc=False):
@@ -47,8 +54,9 @@ class Position(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """What the behaviour that does it told last (JSON); empty: none does, or it has told nothing yet."""
     place: str = ""
     """In the words around it (`artemis.states.advance.Place`, JSON); empty: the mission is a list of steps."""
-    fault: str = ""
-    """The fault table's id of what stopped the step: the mission is told when the robot may go on."""
+    faults: tuple[str, ...] = ()
+    """The fault table's ids of what stopped the step, the most severe first, as far as a `try` of the mission names
+    them: it is told of them when the robot may go on."""
     answer: str = ""
     """The newest one to a question of the mission."""
     told: tuple[SignalValue, ...] = ()
@@ -64,6 +72,18 @@ class Position(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
 class MissionEvent(Struct, frozen=True, kw_only=True, gc=False):
     """Something that happened in a mission, for people."""
 
-    kind: str  # said, ended, fired, expired, caught, retry, round, end
+    kind: str  # said, ended, fired, expired, caught, retry, round, end, goal, answer
     place: str  # key path in the mission
     text: str
+
+
+class TypedAnswer(Struct, frozen=True, kw_only=True, gc=False):
+    """An answer that was typed at the terminal."""
+
+    text: str
+    step: int  # the number of the step whose question it is for; -1: none was there
+    shown: float  # since when that was asked [s of the run]
+
+
+Answer = str | TypedAnswer
+"""To a question of the mission: the answer itself, or its number from 1."""

@@ -17,6 +17,7 @@ from artemis.motion.obstacles import ObstacleStop
 from artemis.motion.pace import Pace
 from artemis.motion.perception import Perception
 from artemis.plugins.guard import PluginGuard
+from artemis.progress import Answer, TypedAnswer
 from artemis.states.modes import Modes
 from artemis.states.plan import Plan, Shared
 from artemis.supervision import catalogue
@@ -84,10 +85,8 @@ class Robot:
     ) -> None:
         """`observe` sees every tick; `attended` tells whether somebody can acknowledge and arm at a run time [s]."""
         self._core, self._devices, self._guard, self._period, self._observe = core, devices, guard, period, observe
-        self._requests: list[Request] = []
-        self._answers: list[str] = []
-        self._results: list[JobResult] = []
-        self._faults: list[Fault] = []
+        self._requests, self._answers = list[Request](), list[Answer]()
+        self._results, self._faults = list[JobResult](), list[Fault]()
         self._index, self._start, self._late, self._sent = 0, 0.0, 0.0, 0.0
         self._ticking, self._attended = False, attended
         self._failure: BaseException | None = None
@@ -132,12 +131,10 @@ class Robot:
         """Something was noticed beside the ticks."""
         self._faults.append(fault)
 
-    def request(self, request: Request | str) -> None:
+    def request(self, request: Request | Answer) -> None:
         """What an operator asks for, or answers. A quick stop acts at once, not at the next tick."""
-        if isinstance(request, str):
-            self._answers.append(request)
-            return
-        self._requests.append(request)
+        kept: list[Any] = self._requests if isinstance(request, Request) else self._answers
+        kept.append(request)
         if request is Request.QUICKSTOP:
             self.tick_now()
 
@@ -146,6 +143,7 @@ class Robot:
         inputs, fixes = self._guard.read(now - self._start), self._guard.fixes(now - self._start)
         self._faults += [catalogue.fault(*problem) for problem in self._guard.take_problems()]
         self._requests += [request for sample in inputs for request in sample.requests]
+        texts = [it for it in self._answers if isinstance(it, str)]
         self._index += 1
         sensed = Sensed(
             index=self._index - 1,
@@ -162,7 +160,8 @@ class Robot:
             faults=tuple(self._faults),
             fixes=fixes,
             scans=readings.scans,
-            answers=(*self._answers, *[answer for sample in inputs for answer in sample.answers]),
+            answers=(*texts, *[answer for sample in inputs for answer in sample.answers]),
+            typed=tuple(it for it in self._answers if isinstance(it, TypedAnswer)),
             battery_v=readings.battery_v,
         )
         for taken in (self._requests, self._answers, self._results, self._faults):

@@ -97,7 +97,7 @@ class RunRecord:
             errors=loaded.robot.errors,
             disk=disk,
         )
-        for entry in first_entries(mission, loaded.robot.robot, provenance, warning, loaded.remarks):
+        for entry in first_entries(mission, loaded.robot.robot, provenance, warning, loaded.remarks, loaded.ignored):
             self.recorder.note(entry)
 
         self._observers = [
@@ -105,10 +105,13 @@ class RunRecord:
         ]
 
     @contextmanager
-    def observing(self, asked: AskedPlugin, patient: Callable[[], bool] | None) -> Iterator[None]:
+    def observing(
+        self, asked: AskedPlugin, patient: Callable[[], bool] | None, origin: Callable[[str], str]
+    ) -> Iterator[None]:
         """Let the mission's observers see the run; at its end close them, and the recording with its outcome.
 
-        Plugins are watched meanwhile: `asked` says which one the run waits for, `patient` whether it may take its time.
+        Plugins are watched meanwhile: `asked` says which one the run waits for, `patient` whether it may take its time,
+        `origin` which plugin of which package that is.
         """
         with ExitStack() as ends:
             for observer in self._observers:
@@ -123,7 +126,7 @@ class RunRecord:
                 ends.callback(self._close, mapping)
                 shown = live.shown if self._localizer is None else shown
             ours = {observer.name for observer in self._observers}
-            ends.enter_context(plugins_watched(asked, ours, self._warn, patient))
+            ends.enter_context(plugins_watched(asked, ours, self._warn, patient, origin))
             begun: list[ObserverProcess] = []
             for name, use in self._loaded.mission.observers.items():
                 seen_by = self._observer(name, use, shown)

@@ -14,7 +14,7 @@ from msgspec import Struct
 
 from artemis.battery import BatteryState
 from artemis.drive_states import DriveState, Goal, Nmt
-from artemis.progress import Acted, MissionEvent, Position
+from artemis.progress import Acted, MissionEvent, Position, TypedAnswer
 from artemis.scan import Clearance, Scan
 
 
@@ -30,8 +30,7 @@ class DriveFeedback(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=Fa
     """Traction: m/s; steering: rad/s; as the drive measures it (coarse with hall sensors)."""
     current: float = 0.0  # motor current [A], signed
     mode: int = 0  # modes of operation display (object 0x6061)
-    potentiometers: tuple[float, float] = (0.0, 0.0)
-    """Both analog inputs [V]; zero for a traction drive."""
+    potentiometers: tuple[float, float] = (0.0, 0.0)  # both analog inputs [V]; zero for a traction drive
     angle_sensor: int = 0  # counts of an absolute encoder, or digital inputs by their functions, where these measure it
     age: float | None = None  # of the older of the feedback PDOs [s]
     nmt: Nmt | None = None
@@ -40,10 +39,10 @@ class DriveFeedback(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=Fa
     boots: int = 0  # boot-up frames since the last tick
     frames: int = 0  # TxPDO 1 since the last tick: one per SYNC
     malformed: int = 0  # frames since the last tick that cannot be what they claim, and were dropped
-    disordered: int = 0
-    """Frames since the last tick that were older on the bus than one before them, and were dropped."""
+    disordered: int = 0  # frames since the last tick that were older on the bus than one before, and were dropped
     jumps: int = 0  # positions in a row that no motion explains; each was dropped
     stray: int = 0  # SDO answers since the last tick that nobody waited for, and were dropped
+    temperature_c: float | None = None  # of its power stage [°C]; None: not known
 
 
 class Request(Enum):
@@ -90,6 +89,7 @@ class JobKind(Enum):
     REFERENCE = "reference"  # the wheel stands at the angle `value` [rad]: count from here; the drive keeps its zero
     CLEAR_TARGET = "clear target"  # write target 0 (traction) or the actual position (steering) and read it back
     READ_HISTORY = "read history"  # read the drive's error history (0x1003)
+    READ_STO = "read STO inputs"  # `values` of a drive whose safe torque off is open: what its object for them shows
     READ_CALIBRATION = "read calibration"  # what the drive keeps of its potentiometers (0x200C)
     WRITE_CALIBRATION = "write calibration"  # `values`, read back; STORE keeps them when the power goes
     READ_GAINS = "read gains"  # regulator gains: current P, I; velocity P, I; position P, I, D
@@ -97,13 +97,14 @@ class JobKind(Enum):
     STORE = "store"  # all parameters of the drive, for ever (0x1010)
     DISARM = "disarm"  # switch the heartbeat consumer off, read it back, enter Pre-Operational
     PLAN = "plan"  # a route for step `value` of the mission, from here; its `values`: of `motion.planned_route`
+    FIT = "fit"  # a path through the recorded poses `values` for step `value`, likewise
 
 
 RESETS = {"": 0.0, "communication": 1.0, "node": 2.0}  # `value` of the job SECURE, by the NMT reset that goes before
 
 
 class Job(Struct, frozen=True, kw_only=True, gc=False):
-    """One order to one drive, or to the planner of routes; `id` is unique in a run."""
+    """One order to one drive, or to what plans routes and fits paths; `id` is unique in a run."""
 
     id: int
     kind: JobKind
@@ -130,8 +131,7 @@ class BusHealth(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False)
     foreign: tuple[int, ...] = ()  # identifiers that only we may send, heard from somebody else
     refused: int = 0  # most frames in a row that the adapter did not take
     error_frames: int = 0
-    blocked: tuple[str, ...] = ()
-    """Frames of ours that the allow-list held back, each with its reason and where it came from."""
+    blocked: tuple[str, ...] = ()  # frames of ours that the allow-list held back: why, and from where each came
 
 
 class Sensed(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
@@ -148,11 +148,11 @@ class Sensed(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     inputs: tuple[OperatorInput, ...] = ()
     requests: tuple[Request, ...] = ()
     results: tuple[JobResult, ...] = ()
-    faults: tuple[Fault, ...] = ()
-    """Faults found by the edge itself: a lost bus, a plugin that raised, a late tick."""
+    faults: tuple[Fault, ...] = ()  # found by the edge itself: a lost bus, a plugin that raised, a late tick
     fixes: tuple[PoseFix, ...] = ()  # what a localizer found since the last tick
     scans: tuple[Scan, ...] = ()  # of laser scanners, those that are new since the last tick, oldest first
-    answers: tuple[str, ...] = ()  # to questions of the mission: the answer itself, or its number from 1
+    answers: tuple[str, ...] = ()  # to questions of the mission
+    typed: tuple[TypedAnswer, ...] = ()  # likewise, at the terminal
     battery_v: float | None = None  # supply voltage [V]; None: nobody measures it
 
 

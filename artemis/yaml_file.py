@@ -59,7 +59,7 @@ _SYNTAX: tuple[tuple[str, str], ...] = (
     ("expected ',' or '}'", "a mapping {...} is not closed, or a comma is missing"),
     ("found unexpected", "a quoted text is not closed"),
     ("expected the node content", "a value is missing, or a bracket or comma too many"),
-    ("expected '<document start>'", "the text goes on after its end: check the indentation"),
+    ("expected '<document start>'", "the text continues after its end: check the indentation"),
     ("found unknown escape character", "unknown escape in double quotes: use single quotes"),
     ("sequence entries are not allowed", "a list item `-` cannot stand here: put it on a line of its own"),
 )

@@ -131,24 +131,39 @@ def bench_goto(
     goals: Annotated[int, typer.Option(metavar="N", min=1, help="So many, in runs of five.")] = 30,
     seed: Annotated[int, typer.Option(help="Of the first run.")] = 1,
     workers: Annotated[int, typer.Option(metavar="N", min=1, help="Processes.")] = 2,
+    blind: Annotated[bool, typer.Option("--blind", help="Without scanner and obstacle stop.")] = False,
 ) -> None:
     """Drive to random goals on three kinds of map in simulation: are they reached, and is nothing touched?"""
     from artemis_lab.commands.bench_goto import measure
 
-    raise typer.Exit(int(not measure(goals, seed, workers)))
+    raise typer.Exit(int(not measure(goals, seed, workers, blind=blind)))
 
 
 @bench.command("operator")
 def bench_operator(
     robot: Annotated[Path, typer.Argument(metavar="ROBOT", help="Robot file (YAML).")],
-    seconds: Annotated[float, typer.Option(help="Each of two runs drives so long.")] = 40.0,
-    cuts: Annotated[int, typer.Option(metavar="N", help="The link is cut so often.")] = 20,
+    reports: Annotated[int, typer.Option(metavar="N", min=10, help="So many reports of the device are timed.")] = 350,
+    seconds: Annotated[float, typer.Option(help="Each run with floods drives so long, half of it flooded.")] = 24.0,
+    runs: Annotated[int, typer.Option(metavar="N", min=1, help="With floods; link in a process, and in a thread.")] = 5,
+    cuts: Annotated[int, typer.Option(metavar="N", min=1, help="The link is cut so often.")] = 20,
     seed: Annotated[int, typer.Option(help="Of the times of the hand's reports.")] = 1,
 ) -> None:
-    """Measure an operator's link on this computer: a cut, the latency, and a flood; in real time, about two minutes."""
+    """Measure an operator's link on this computer: a cut, latency, and floods; in real time, some eight minutes."""
     from artemis_lab.commands.bench_operator import measure
 
-    measure(robot, seconds, seed, cuts)
+    raise typer.Exit(int(not measure(robot, reports, seconds, runs, cuts, seed)))
+
+
+@bench.command("bridges")
+def bench_bridges(
+    robot: Annotated[Path, typer.Argument(metavar="ROBOT", help="Robot file (YAML).")],
+    kills: Annotated[int, typer.Option(metavar="N", min=2, help="Each bridge is killed so often.")] = 10,
+    seed: Annotated[int, typer.Option(help="Of the times at which that is done.")] = 1,
+) -> None:
+    """Kill the processes of bridges while a simulated robot drives: how soon are they back? In real time."""
+    from artemis_lab.commands.bench_bridges import measure
+
+    raise typer.Exit(int(not measure(robot, kills, seed)))
 
 
 @bench.command("page")
@@ -156,11 +171,14 @@ def bench_page(
     robot: Annotated[Path, typer.Argument(metavar="ROBOT", help="Robot file (YAML).")],
     presses: Annotated[int, typer.Option(metavar="N", min=1, help="Stop is pressed so often, twice.")] = 40,
     seconds: Annotated[float, typer.Option(help="The page is flooded so long.")] = 10.0,
+    losses: Annotated[
+        int, typer.Option(metavar="N", min=0, help="A hand that drives is lost in each way so often.")
+    ] = 10,
 ) -> None:
-    """Measure the page for operators on this computer: Stop to the wire, size, first paint, a flood; in real time."""
+    """Measure the page for operators on this computer: Stop, losses, size, first paint, a flood; in real time."""
     from artemis_lab.commands.bench_page import measure
 
-    raise typer.Exit(int(not measure(robot, presses, seconds)))
+    raise typer.Exit(int(not measure(robot, presses, seconds, losses)))
 
 
 @bench.command("transport")

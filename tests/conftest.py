@@ -27,7 +27,11 @@ PROGRAMS = ("browser", "e2e", "peers")
 """Folders of tests that drive other programs, or artemis as a program."""
 SKIPPED = "artemis/skipped"
 """Where pytest's cache has the tests, or their files, that the last complete run skipped."""
-SKIPPED_IN_CI = ("/dev/u", "vcan0", "too busy for real time", "ARTEMIS_SLAM_DATA", "root reads", "built by scripts/")
+LATE = "artemis/late"
+"""Where it has those that no run since the last complete one has passed, as the machine was too busy for real time."""
+TOO_BUSY = "too busy for real time"
+FETCHED = ("built by scripts/serial_peers", "libLMS1xx: built by scripts/scanner_peers")
+SKIPPED_IN_CI = ("/dev/u", "vcan0", TOO_BUSY, "ARTEMIS_SLAM_DATA", "root reads", *FETCHED)
 """Parts of the reasons for which the continuous integration may skip a test: hardware, the load, data that may
 not be copied, and programs whose sources are fetched from their authors."""
 
@@ -48,8 +52,11 @@ def pytest_collection() -> Generator[None, object, object]:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """After `make test` in an environment without the extras, `--left` is the rest with them."""
+    """After `make test` in an environment without the extras, `--left` is the rest with them; `--late` comes last."""
     parser.addoption("--left", action="store_true", help="only what `make test` leaves out, and what it skipped")
+    parser.addoption(
+        "--late", action="store_true", help="only what was skipped as the machine was too busy: it has to pass, alone"
+    )
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -68,9 +75,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             if counts[name] % sampled.args[0]:
                 item.add_marker(pytest.mark.exhaustive)
             counts[name] += 1
-    if config.getoption("left"):
-        cache = _cache(config)
-        skipped = set(cache.get(SKIPPED, [])) if cache else set()
+    if config.getoption("late"):
+        late = _kept(config, LATE)
+        items[:] = [item for item in items if item.nodeid in late]
+    elif config.getoption("left"):
+        skipped = _kept(config, SKIPPED)
         items[:] = [
             item
             for item in items
@@ -85,12 +94,23 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     terminal = session.config.pluginmanager.get_plugin("terminalreporter")
     if terminal is None or hasattr(session.config, "workerinput"):
         return
+    config = session.config
     skipped: list[pytest.TestReport] = terminal.stats.get("skipped", [])
-    if not session.config.getoption("left"):
-        whole = session.config.args_source is pytest.Config.ArgsSource.TESTPATHS and not session.config.option.keyword
-        if whole and (cache := _cache(session.config)):
+    whole = config.args_source is pytest.Config.ArgsSource.TESTPATHS and not config.option.keyword
+    complete = whole and not config.getoption("left") and not config.getoption("late")
+    late = set() if complete else _kept(config, LATE)
+    late |= {report.nodeid for report in skipped if TOO_BUSY in str(report.longrepr)}
+    late -= {report.nodeid for report in terminal.stats.get("passed", [])}
+    if cache := _cache(config):
+        cache.set(LATE, sorted(late))
+        if complete:
             cache.set(SKIPPED, sorted({report.nodeid for report in skipped}))
-    elif os.environ.get("CI") == "true":
+    if config.getoption("late"):
+        if late:
+            terminal.section("still not passed", red=True)
+            terminal.line("\n".join(sorted(late)))
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED if late else pytest.ExitCode.OK
+    elif config.getoption("left") and os.environ.get("CI") == "true":
         reasons = [str(report.longrepr) for report in skipped]
         wrong = [reason for reason in reasons if not any(allowed in reason for allowed in SKIPPED_IN_CI)]
         if wrong:
@@ -102,6 +122,12 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 def _cache(config: pytest.Config) -> pytest.Cache | None:
     """Pytest's cache; None where its plugin is not used."""
     return getattr(config, "cache", None)
+
+
+def _kept(config: pytest.Config, name: str) -> set[str]:
+    """Tests, or files of tests, that pytest's cache has by a name."""
+    cache = _cache(config)
+    return set(cache.get(name, [])) if cache else set()
 
 
 def pytest_configure() -> None:
@@ -119,10 +145,14 @@ def pytest_configure() -> None:
 def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """What fails in real time while the machine is as busy as stops a robot (SYS-01) proves nothing: it is skipped."""
+    """What fails in real time while the machine is as busy as stops a robot (SYS-01) proves nothing: it is skipped.
+
+    Not for good: `--late` repeats it alone.
+    """
     report = yield
-    if report.failed and item.get_closest_marker("realtime") and (why := lateness.excuse(call.start, call.stop)):
-        reason = f"this machine is too busy for real time ({why}): {report.longreprtext}"
+    excused = item.get_closest_marker("realtime") and not item.config.getoption("late")
+    if report.failed and excused and (why := lateness.excuse(call.start, call.stop, report.longreprtext)):
+        reason = f"this machine is {TOO_BUSY} ({why}): {report.longreprtext}"
         report.outcome, report.longrepr = "skipped", (str(item.path), item.location[1] or 0, reason)
     return report
 

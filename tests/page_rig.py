@@ -18,7 +18,6 @@ from typing import ClassVar
 
 import httpx
 import pytest
-from ports import free_port
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
@@ -35,6 +34,7 @@ from artemis.planning import localizer_of, setup_for
 from artemis.plugins.inputs.page import PageInput, PageInputConfig
 from artemis.run_record import known_map
 from artemis.values import OperatorInput, Tick
+from artemis_lab.bench.ports import free_port
 
 MISSIONS = Path(__file__).parents[1] / "missions"
 PERIOD = 0.02
@@ -133,10 +133,11 @@ class PageRig:
     def problems(self) -> list[tuple[str, str]]:
         return [problem for _, _, problems in self.samples for problem in problems]
 
-    def note(self, event: str, begun: float) -> None:
-        """Print how long after `begun` no sample drove any more: `pytest -rP` shows it."""
+    def note(self, event: str, begun: float) -> float:
+        """Print how long after `begun` no sample drove any more [s]: `pytest -rP` shows it."""
         stopped = next(time for time, sample, _ in self.samples if time > begun and not sample.enabled)
         print(f"{event}: no sample drives after {(stopped - begun) * 1e3:.0f} ms")
+        return stopped - begun
 
     def wait(self, wanted: Callable[[OperatorInput], bool], patience: float = PATIENCE) -> OperatorInput:
         """The first sample that is as wanted, from the one on that was waited for before. Raises TimeoutError."""
@@ -172,8 +173,9 @@ class PageRig:
         loop = asyncio.get_running_loop()
         use = self.run.loaded
         context = replace(setup_for(use, f"page {self.port}"), real_time=True)
+        speed = min(0.7, use.robot.limits.speed_m_s)
         device = PageInput(
-            PageInputConfig(max_speed_m_s=0.7, required=False, allow=("goal_pose", "initialpose")), context
+            PageInputConfig(max_speed_m_s=speed, required=False, allow=("goal_pose", "initialpose")), context
         )
         try:
             while not self._over.is_set():

@@ -8,6 +8,8 @@ from typing import Annotated
 
 from pydantic import AfterValidator
 
+from artemis.errors import ConfigError
+
 
 def check_address(address: str) -> str:
     """An address of this computer.
@@ -43,3 +45,15 @@ def bound(address: str, port: int = 0, *, listening: bool = False, shared: bool 
         made.close()
         raise
     return made
+
+
+def check_listen(plugin: str, address: str) -> None:
+    """Nothing, if this computer has the address. Nothing is left open.
+
+    Raises:
+        ConfigError: it has not. `plugin`: its name in the mission.
+    """
+    try:
+        bound(address).close()
+    except OSError as error:
+        raise ConfigError(f"{plugin}: listen: {address}: {error.strerror}") from None

@@ -1,4 +1,4 @@
-"""Another Python process of a run, as the run sees it: begun, looked after, ended."""
+"""Another Python process of a run, as the run sees it: begun, looked after, ended, begun again."""
 
 from __future__ import annotations
 
@@ -6,13 +6,25 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from math import inf
 from tempfile import TemporaryFile
+from threading import Lock
 
+from artemis.clock import stopwatch
+
+ENDED = "NET-13"
+"""Row of the fault table: that a process ended, and that it is back."""
 MOST_ERRORS = 1 << 16
 """Bytes on its standard error that are kept; of more the last."""
 _WORDS = 200
 """So much of the last line is told."""
+SOONEST = 1.0
+"""From one start to the next of a process that worked [s]; one that worked for longer is begun again at once."""
+LONGEST_PAUSE = 4.0
+"""Before the next start of one that never works [s]."""
+APART = 1.2
+"""That it is back is told so long after it was told that it ended [s]: the first warning is over by then."""
 
 
 class ChildProcess:
@@ -76,3 +88,64 @@ class ChildProcess:
     def _tail(self) -> bytes:
         size = os.fstat(self._errors.fileno()).st_size
         return os.pread(self._errors.fileno(), 10 * _WORDS, max(0, size - 10 * _WORDS))
+
+
+class Restarts:
+    """When a process that ended is begun again, and what is said of that: once that it ended, and that it is back.
+
+    One that worked is begun again at once, at most every `SOONEST`; one that never works after longer pauses each time.
+    """
+
+    def __init__(self, clock: Callable[[], float] = stopwatch) -> None:
+        """A process begins now, by this clock [s]."""
+        self._clock = clock
+        self._begun, self._again = clock(), -inf
+        self._works = False
+        self.fails = False
+        """The last one ended before it worked."""
+        self._pause = 0.0
+        self._ended: float | None = None
+        self._lock = Lock()
+        """What there is to say may be asked for in another thread."""
+        self._words: list[tuple[float, str]] = []
+
+    @property
+    def due(self) -> bool:
+        """It is time to begin it again."""
+        return self._clock() >= self._again
+
+    def begin(self) -> None:
+        """It begins again."""
+        self._begun, self._works = self._clock(), False
+
+    def works(self, missed: str = "") -> None:
+        """It does its work now; harmless when repeated. `missed`: what was lost while it did not, in words."""
+        if self._works:
+            return
+        now = self._clock()
+        if self._ended is not None:
+            with self._lock:
+                self._words.append((self._ended + APART, f"it is back after {now - self._ended:.1f} s{missed}"))
+        self._works, self.fails, self._pause, self._ended = True, False, 0.0, None
+
+    def ended(self, why: str) -> None:
+        """It has ended, or could not be begun."""
+        now = self._clock()
+        if self._ended is None:
+            self._ended = now
+            with self._lock:
+                self._words = [(now, f"{why}; it is started again")]
+        if self._works:
+            self._again = max(now, self._begun + SOONEST)
+        else:
+            self._again = now + self._pause
+            self._pause = min(max(2 * self._pause, SOONEST / 2), LONGEST_PAUSE)
+        self._works, self.fails = False, not self._works
+
+    def take(self) -> list[str]:
+        """What there is to say since the last call."""
+        now = self._clock()
+        with self._lock:
+            due = [words for at, words in self._words if now >= at]
+            self._words = [(at, words) for at, words in self._words if now < at]
+        return due

@@ -2,20 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 FAILED = "NET-12"
 
 
 class Complaints:
-    """That it is not heard, once as long as that lasts; that somebody is too slow, once, and in the end its cost."""
+    """That it is not heard, once while that lasts; who is refused, once; that somebody is too slow, and the cost."""
 
     def __init__(self, name: str, who: str) -> None:
         """`name` of the observer; `who` hears it, such as subscriber."""
         self._name, self._who = name, who
         self._told = self._slow = False
+        self._refused: set[str] = set()
 
-    def new(self, problem: str, dropped: int, *, closed: bool) -> list[tuple[str, str, str]]:
-        """What was not said yet of its present problem (empty: none), and of messages that were dropped in all."""
+    def new(
+        self, problem: str, dropped: int, *, closed: bool, refused: Iterable[str] = ()
+    ) -> list[tuple[str, str, str]]:
+        """What was not said yet.
+
+        Args:
+            problem: at present; empty: none.
+            dropped: messages in all.
+            closed: the observer is closed.
+            refused: who is, each in words.
+        """
         words = [problem] if problem and not self._told else []
+        new = [each for each in refused if each not in self._refused]
+        self._refused.update(new)
+        words += new
         if dropped and not self._slow:
             words.append(f"a {self._who} is too slow: messages for it are dropped")
         elif dropped and closed:

@@ -55,7 +55,9 @@ def _level(severity: Severity) -> int:
 
 
 def _drive(drive: DriveFeedback) -> Mapping[str, object]:
+    temperature = {} if drive.temperature_c is None else {"temperature_C": f"{drive.temperature_c:.1f}"}
     return {
+        **temperature,
         "statusword": f"0x{drive.statusword:04X}",
         "position": f"{drive.position:.4f}",
         "velocity": f"{drive.velocity:.4f}",

@@ -7,10 +7,16 @@ import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any
+from typing import Any, TypeVar
+
+Data = TypeVar("Data")
 
 END_TIME = 2.0
 """It has this long to end [s]; then it is left behind."""
+MOST_WAITING = 64
+"""Lots of data that wait for the thread; who has more waits, too."""
+LOOK = 0.1
+"""Between two looks whether the thread is still there [s]."""
 
 
 class LoopThread(ABC):
@@ -21,6 +27,7 @@ class LoopThread(ABC):
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._end: asyncio.Event | None = None
         self._closed = False
+        self._room = threading.Semaphore(MOST_WAITING)
 
     def start(self) -> None:
         """Take part."""
@@ -36,13 +43,24 @@ class LoopThread(ABC):
             self._give_back()
             self._loop.close()
             return
-        self._soon(self._end.set)
+        self.soon(self._end.set)
         self._thread.join(END_TIME)
 
-    def _soon(self, callback: Callable[..., object], *arguments: Any) -> None:  # noqa: ANN401 (the callback's)
+    def soon(self, callback: Callable[..., object], *arguments: Any) -> None:  # noqa: ANN401 (the callback's)
         """Have something called in the thread. Never waits."""
         with suppress(RuntimeError):  # the loop is closed: the thread has ended
             self._loop.call_soon_threadsafe(callback, *arguments)
+
+    def hand_over(self, take: Callable[[Data], object], data: Data) -> None:
+        """Have data taken in the thread; waits while `MOST_WAITING` lots wait there, unless it has ended."""
+        while not self._room.acquire(timeout=LOOK):
+            if not self._thread.is_alive():
+                return
+        self.soon(self._take_over, take, data)
+
+    def _take_over(self, take: Callable[[Data], object], data: Data) -> None:
+        self._room.release()
+        take(data)
 
     def _run(self) -> None:
         assert self._end is not None

@@ -11,6 +11,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from math import atan2, cos, nan, pi, sin
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from artemis.battery import BatteryState
 from artemis.bridges.diagnostics import diagnosis, signature
 from artemis.bridges.names import part_of_name
 from artemis.motion.ackermann import Ackermann
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 BASE, ODOM, MAP = "base_link", "odom", "map"
 SLOW_PERIOD = 1.0
-"""Diagnostics and the battery come at least this often [s]."""
+"""Diagnostics, the battery and the goal come at least this often [s]."""
 PATH_SPACING = 0.05
 """Of the poses of a path [m]."""
 _SIDES = {"left": 1.0, "right": -1.0}
@@ -60,7 +61,7 @@ FIXED_TRANSFORMS = Topic("/tf_static", "tf2_msgs/msg/TFMessage", latched=True)
 JOINTS = Topic("joint_states", "sensor_msgs/msg/JointState")
 DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
 PATH = Topic("path", "nav_msgs/msg/Path", latched=True)
-GOAL = Topic("goal", "geometry_msgs/msg/PoseStamped", latched=True)
+GOAL = Topic("goal", "geometry_msgs/msg/PoseStamped")
 BATTERY = Topic("battery", "sensor_msgs/msg/BatteryState")
 GRID = Topic("map", "nav_msgs/msg/OccupancyGrid", latched=True)
 SCAN_TYPE = "sensor_msgs/msg/LaserScan"
@@ -105,6 +106,9 @@ class Topics:
         self._slow_at = 0.0
         self._signature: object = None
         self._shown_step: int | None = None
+        self._goal: tuple[Pose, str] | None = None
+        """Where the path that is shown ends, and its frame."""
+        self._goal_is_new = False
         named = (ODOMETRY, POSE, JOINTS, DIAGNOSTICS, PATH, GOAL, BATTERY, GRID)
         tf = (TRANSFORMS, FIXED_TRANSFORMS) if transforms else ()
         self.topics: tuple[Topic, ...] = (*named, *tf, *self._scans.values())
@@ -178,15 +182,22 @@ class Topics:
         if (due or changed) and heard(DIAGNOSTICS):
             yield Told(DIAGNOSTICS, {"header": _header(stamp, ""), "status": diagnosis(self._robot, tick)})
         if due and battery is not None and heard(BATTERY):
-            unknown = dict.fromkeys(("temperature", "current", "charge", "capacity", "design_capacity"), nan)
-            content = {
-                "header": _header(stamp, BASE),
-                "voltage": battery,
-                "percentage": nan,
-                "present": True,
-                **unknown,
-            }
-            yield Told(BATTERY, content)
+            yield Told(BATTERY, {"header": _header(stamp, BASE), **self._battery(battery, tick.snapshot.battery)})
+        goal_due, self._goal_is_new = due or self._goal_is_new, False
+        if goal_due and self._goal is not None and heard(GOAL):
+            pose, frame = self._goal  # told again for who comes later, and no more once the path is over
+            yield Told(GOAL, {"header": _header(stamp, frame), "pose": _pose(pose)})
+
+    def _battery(self, volts: float, known: BatteryState | None) -> Content:
+        """What is measured and estimated of it: currents out of it are negative [A], charges in Ah, shares 0 to 1."""
+        unknown = dict.fromkeys(("temperature", "current", "charge", "capacity", "design_capacity", "percentage"), nan)
+        content = {"voltage": volts, "present": True, **unknown}
+        if (battery := self._robot.battery) is not None:
+            content["capacity"] = battery.capacity_ah
+            if known is not None:
+                content["percentage"], content["charge"] = known.charge, known.charge * battery.capacity_ah
+                content["current"] = -known.watts / volts if volts else nan
+        return content
 
     def _grid(self, stamp: int) -> Iterator[Told]:
         """The map, where it is another one than before."""
@@ -212,13 +223,18 @@ class Topics:
         route = self._routes.get(step)
         poses = [] if route is None else route.poses(PATH_SPACING)
         if poses or shown:
-            yield from _path_told(poses, tick.snapshot.pose.frame, stamp)
+            yield from self._path_told(poses, tick.snapshot.pose.frame, stamp)
 
     def _planned(self, tick: Tick, stamp: int) -> Iterator[Told]:
         """A route that was planned for the present step, and where it ends."""
         for result in tick.snapshot.sensed.results:
             if result.kind is JobKind.PLAN and result.values:
-                yield from _path_told(route_poses(result.values), MAP, stamp)
+                yield from self._path_told(route_poses(result.values), MAP, stamp)
+
+    def _path_told(self, poses: Sequence[Pose], frame: str, stamp: int) -> Iterator[Told]:
+        stamped = [{"header": _header(stamp, frame), "pose": _pose(pose)} for pose in poses]
+        yield Told(PATH, {"header": _header(stamp, frame), "poses": stamped})
+        self._goal, self._goal_is_new = (poses[-1], frame) if poses else None, True
 
     def _mounted(self, stamp: int) -> Iterator[Content]:
         for name, mounting in self._robot.scanners.items():
@@ -292,13 +308,6 @@ class _Joints:
 def _named(axle: str, side: str, what: str) -> str:
     """Of a joint or frame; one in the middle has no side."""
     return f"{axle}_{what}" if side == "middle" else f"{axle}_{side}_{what}"
-
-
-def _path_told(poses: Sequence[Pose], frame: str, stamp: int) -> Iterator[Told]:
-    stamped = [{"header": _header(stamp, frame), "pose": _pose(pose)} for pose in poses]
-    yield Told(PATH, {"header": _header(stamp, frame), "poses": stamped})
-    if stamped:
-        yield Told(GOAL, stamped[-1])
 
 
 def _time(stamp: int) -> Content:

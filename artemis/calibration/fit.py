@@ -13,7 +13,7 @@ from scipy.special import stdtrit  # scipy has no types
 
 from artemis.calibration import increments
 from artemis.calibration.fitted_run import STEP, FittedRun, Run, case_of
-from artemis.calibration.increments import Indices, motions
+from artemis.calibration.increments import motions
 from artemis.calibration.kinematics import Kinematics, Parameter, altered, dead_reckoned
 from artemis.calibration.knowledge import QUANTILE, Estimates, Mask, condition_of, covariance_of, estimates_of, hold
 from artemis.errors import CalibrationError
@@ -28,10 +28,10 @@ SENSOR = (
 """Where the truth's sensor is, seen from the centre of the rear axle [m, rad]."""
 MOUNTED = 0.02
 """A sensor whose place is known better [m, rad] and"""
-CHANCE = {2: 9.2, 3: 11.3}
-"""may be on the axle with a squared distance below this (chi square with so many degrees of freedom, 99 %) is there,"""
+CHANCE = {1: 6.6, 2: 9.2}
+"""may be at zero with a squared distance below this (chi square with so many degrees of freedom, 99 %) is there,"""
 ON_THE_AXLE = 1e-5
-"""to this [m, rad]."""
+"""to this [m, rad]. Its place and its heading are looked at one by one: a heading says nothing of the place."""
 FAST = len(increments.NOISES)
 """Of the noises; the others are `increments.SLOW`."""
 TRIED = 8
@@ -104,9 +104,10 @@ def fit(runs: Sequence[Run], base: Kinematics, parameters: Sequence[Parameter], 
         noise = problem.noise_of(x, noise)
     problem.weigh(x, noise)
     x = problem.solved(x, free)
-    mount = sensor.start + np.flatnonzero(free[sensor])
-    free[mount] = not (on_axle or _is_on_the_axle(problem.information(x), bands, x, mount))
-    reasons = hold(problem.information(x), bands, parameters, free)
+    information = problem.information(x)
+    for mount in (slice(sensor.start, sensor.stop - 1), slice(sensor.stop - 1, sensor.stop)):
+        free[mount] &= not (on_axle or _may_be_zero(information, bands, x, mount))
+    reasons = hold(information, bands, parameters, free)
     if not free[: len(parameters)].any():
         raise CalibrationError("the runs determine none of the parameters: drive farther, and along curves")
     x = problem.solved(np.where(free, x, 0.0), free)
@@ -337,11 +338,11 @@ def eliminated(white: Products, prior: Array) -> tuple[Array, Array, float]:
     return common - mixed.T @ gain, gain, float(np.linalg.slogdet(normal)[1])
 
 
-def _is_on_the_axle(information: Array, bands: Array, x: Array, mount: Indices) -> bool:
-    """Whether the truth may be of the rear axle's centre itself: nobody mounts a sensor there so well by chance."""
-    covariance = np.linalg.inv(information + np.diag(bands**-2.0))[np.ix_(mount, mount)]
+def _may_be_zero(information: Array, bands: Array, x: Array, mount: slice) -> bool:
+    """Whether the sensor may have exactly the rear axle's centre, or heading: no chance mounts one there so well."""
+    covariance = np.linalg.inv(information + np.diag(bands**-2.0))[mount, mount]
     exact = np.all(np.sqrt(np.diag(covariance)) < MOUNTED)
-    return bool(exact and x[mount] @ np.linalg.solve(covariance, x[mount]) < CHANCE[len(mount)])
+    return bool(exact and x[mount] @ np.linalg.solve(covariance, x[mount]) < CHANCE[len(covariance)])
 
 
 def _result(problem: Problem, x: Array, bands: Array, free: Mask, reasons: Sequence[str], noise: Array) -> Fit:
@@ -349,8 +350,10 @@ def _result(problem: Problem, x: Array, bands: Array, free: Mask, reasons: Seque
     covariance = covariance_of(information, bands, free)
     covariance[np.ix_(free, free)] *= np.multiply.outer(*[problem.excess(x, bands, free)] * 2)
     covariance[np.ix_(free, free)] += problem.bends(x, bands, free) + problem.blurred(x, bands, free)
+    known = any(case.run.truth.knows_heading for case in problem.cases)
     mounted = "" if free[len(reasons)] else "the truth is of the rear axle's centre"
-    said = [*reasons, mounted, mounted, "" if free[len(reasons) + 2] else mounted or "needs a truth with headings"]
+    turned = "the truth's headings are the robot's" if known else "needs a truth with headings"
+    said = [*reasons, mounted, mounted, "" if free[-1] else turned]
     return Fit(
         base=problem.base,
         machine=altered(problem.base, problem.values(x)),

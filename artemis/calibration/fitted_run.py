@@ -73,15 +73,22 @@ class FittedRun:
 
     @property
     def clock(self) -> Clock:
-        """Of the truth, without its slow error."""
+        """Of the truth, with the straight part of its slow error."""
+        first, begin = self.first_clock, float(self.run.log.time[0])
+        late = self.own[2 : 2 + len(self.times.places)]
+        drift, offset = np.polyfit(begin + self.times.places - first.middle, late, 1)
+        return self._clock(self.own[0] + offset, self.own[1] + drift)
+
+    def _clock(self, offset: float, drift: float) -> Clock:
+        """Beyond the first estimate."""
         first = self.first_clock
-        return Clock(offset=first.offset + self.own[0], drift=first.drift + self.own[1], middle=first.middle)
+        return Clock(offset=first.offset + offset, drift=first.drift + drift, middle=first.middle)
 
     def _time(self) -> Array:
         """Of each row of the log, by the truth's clock [s]."""
         log, count = self.run.log, len(self.times.places)
         late = np.interp(log.time - log.time[0], self.times.places, self.own[2 : 2 + count])
-        return np.asarray(self.clock.shown(log.time) + late)
+        return np.asarray(self._clock(self.own[0], self.own[1]).shown(log.time) + late)
 
     def averaged(self, reckoned: Array, sensor: tuple[float, float, float]) -> Array:
         """Mean poses of the sensor by the odometry, shape (n, 3)."""

@@ -70,8 +70,8 @@ def scanner_drive(ticks: Iterable[Tick], robot: RobotFile, name: str) -> Scanner
         drive = _followed([second for _, second in kept], mirrored=True)
     if drive.unmatched > UNMATCHED * len(kept):
         raise CalibrationError(
-            f"{name}: {drive.unmatched} of {len(kept)} scans do not fit the others: drive slowly, where walls stand "
-            "around and nobody walks"
+            f"{name}: {drive.unmatched} of {len(kept)} scans do not fit the others: drive slowly, with walls "
+            "around and no people"
         )
     return drive
 

@@ -12,17 +12,17 @@ from artemis.calibration.fitted_run import Run, at_sensor
 from artemis.calibration.increments import BIN, Moments
 from artemis.calibration.kinematics import Kinematics, dead_reckoned
 from artemis.motion.clocks import Clock
+from artemis.motion.comparison import best_origin
 from artemis.motion.spline import Array
+from artemis.motion.trajectory import Trajectory
 
-START = 0.05
-"""The odometry is laid on the truth by the moments until the robot has gone so far [m]."""
 FOLDS = 5
 """Most parts into which runs are divided to check each by a fit of the others."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ScoredRun:
-    """The sensor of one run: truth and odometry, laid on it at its start; shape (n, 3), (n,)."""
+    """The sensor of one run: truth, and odometry aligned with it; shape (n, 3), (n,)."""
 
     name: str
     true: Array
@@ -39,18 +39,18 @@ class ScoredRun:
 def track(
     run: Run, machine: Kinematics, sensor: tuple[float, float, float], clock: Clock, period: float = BIN
 ) -> ScoredRun:
-    """Odometry of a machine and truth of a run, as means over `period` [s]."""
+    """Odometry of a machine and truth of a run, as means over `period` [s].
+
+    They are aligned by all positions (`best_origin`): how the sensor is turned on the robot does not matter.
+    """
     begin, end = clock.shown(run.log.time[[0, -1]])
     moments = Moments.of(run.truth, float(begin), float(end), period)
     own = moments.averaged(clock.shown(run.log.time), at_sensor(dead_reckoned(run.log, machine), sensor))
     true = moments.beside(own)
     distance = np.append(0.0, np.cumsum(np.hypot(*np.diff(own, axis=0)[:, :2].T)))
-    first = distance <= START
-    turn = float(np.mean(true[first, 2] - own[first, 2]))
-    c, s = np.cos(turn), np.sin(turn)
-    turned = np.column_stack([c * own[:, 0] - s * own[:, 1], s * own[:, 0] + c * own[:, 1], own[:, 2] + turn])
-    turned[:, :2] += np.mean(true[first, :2] - turned[first, :2], axis=0)
-    return ScoredRun(name=run.log.name, true=true, reckoned=turned, distance=distance)
+    odometry = Trajectory(time=moments.time[moments.starts], poses=own)
+    aligned = odometry.placed(best_origin(own[:, :2], true[:, :2])).poses
+    return ScoredRun(name=run.log.name, true=true, reckoned=aligned, distance=distance)
 
 
 def checked(found: Fit) -> list[tuple[Run, Kinematics]]:

@@ -81,6 +81,22 @@ def calibrate_scanner(
     calibrate(run, scanner, write, yes=yes)
 
 
+@calibrate.command("battery")
+def calibrate_battery(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Folders of runs, or recordings.")],
+    hold: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KEY", help="What the robot file has right; newtons_per_ampere, if left out."),
+    ] = None,
+    write: Annotated[Path | None, typer.Option(metavar="ROBOT", help="Write the values into this robot file.")] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Write without asking.")] = False,
+) -> None:
+    """Fit capacity, idle power, consumption and resistance of the battery to runs; writes only when told."""
+    from artemis.commands.calibrate_battery import calibrate_battery as calibrate
+
+    calibrate(runs, hold or [], write, yes=yes)
+
+
 @calibrate.command("steering")
 def calibrate_steering(
     mission: MissionFile,

@@ -24,6 +24,7 @@ from artemis.mission.gains import check_gains, gains_key, merged
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.planning import check_drivable, is_simulated
 from artemis.recording.mcap_reader import Recording
+from artemis.report.drawing import check_figures
 from artemis.report.responses import SLOWEST, SPEED_DISTANCE
 from artemis.states.gains import words_of
 from artemis.values import JobKind
@@ -68,6 +69,7 @@ def calibrate_gains(mission: Path, wanted: Wanted) -> int:
     simulated = is_simulated(loaded, wanted.simulate)
     if not wanted.moves:
         return _show(loaded, wanted, simulated)
+    check_figures("calibrate gains")
     check_drivable(loaded, mission, simulated)
     trial = trial_from(loaded, wanted)
     if not (simulated or wanted.yes) and not confirmed("calibrate gains", f"{announced(trial)}: go?"):

@@ -33,6 +33,7 @@ from artemis.motion.trajectory import Trajectory
 from artemis.motion.truth import truth_from
 from artemis.recording.disk import write_whole
 from artemis.recording.mcap_reader import Recording
+from artemis.report.drawing import check_figures
 from artemis.vehicle import RobotFile
 from artemis.yaml_edit import edit
 from artemis.yaml_file import read
@@ -92,6 +93,7 @@ def calibrate_with_truth(
         RecordingError: a recording cannot be read.
         CalibrationError: the runs show nothing.
     """
+    check_figures("calibrate odometry")
     source, pairs = _read([*runs, *check], truths, machine)
     _refuse_writing(robot_file, source)
     given = [_run(log, truth, same_clock) for log, truth in pairs]
@@ -121,6 +123,7 @@ def calibrate_closing(
         RecordingError: a recording cannot be read.
         CalibrationError: the runs show nothing.
     """
+    check_figures("calibrate odometry")
     source, pairs = _read(runs, (), machine)
     _refuse_writing(robot_file, source)
     ends = [(0.0, 0.0, 0.0)] * len(runs) if closing is None else _ends(closing, len(runs))

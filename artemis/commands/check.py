@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from artemis.devices.can_bus import place_of
+from artemis.devices.multicast import place_of
 from artemis.errors import ConfigError
 from artemis.mission.extras import slower_without_numba
 from artemis.mission.loading import LoadedMission, load_mission

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 CHECKS = "artemis.checks"
 """Entry points of packages that add checks: functions without arguments that give an iterable of `Finding`."""
+DEVELOPERS = ("dev", "web-tests")
+"""Extras that nobody needs to drive a robot."""
 CAN_LINK = 280
 """Type of a CAN interface in Linux (ARPHRD_CAN, linux/if_arp.h)."""
 PERIOD, SECONDS = 0.02, 5.0
@@ -100,7 +102,7 @@ def _software(everything: bool) -> Iterator[Finding]:
         except PackageNotFoundError:
             if extra is None:
                 yield Finding(FAILURE, f"{need.name} is not installed", f"pip install '{need.name}{need.specifier}'")
-            elif extra != "dev":
+            elif extra not in DEVELOPERS:
                 costs = f": {'; '.join(SLOWER)}" if extra == "slam" else ""
                 yield Finding(NOTE, f"extra {extra} is not installed{costs}", f"pip install 'artemis-robot[{extra}]'")
             continue
@@ -109,7 +111,7 @@ def _software(everything: bool) -> Iterator[Finding]:
             yield Finding(
                 grade, f"{need.name} {found}: too old or too new", f"pip install '{need.name}{need.specifier}'"
             )
-        elif everything and extra != "dev":
+        elif everything and extra not in DEVELOPERS:
             yield Finding(OK, f"{need.name} {found}")
 
 
@@ -253,7 +255,7 @@ def event_inputs(nodes: Iterable[EventNode]) -> Iterator[Finding]:
             yield Finding(NOTE, f"{node.info}: is read by the extra evdev, which is missing", INSTALL)
         if not node.hidraw and not permitted:
             yield Finding(NOTE, f"{node.info}: this user may not open it", f"if it is to drive: {rule}")
-        elif node.forces and not permitted:
+        elif (node.forces or node.lamps) and not permitted:
             yield Finding(NOTE, f"{node.info}: this user may not drive its motors", f"for rumble or force: {rule}")
         else:
             yield Finding(OK, f"{node.info}: this user may open it")

@@ -119,7 +119,7 @@ def _detected(id: str, row: Row) -> str:
 def _how(id: str, row: Row) -> str:
     match row.found:
         case Found.EMERGENCY if codes := _codes(id):
-            return f"{row.found.value} {codes}"
+            return f"{row.found.value} {codes}{f', or {row.reason}' if row.reason else ''}"
         case Found.DESIGN:
             return row.reason
         case Found.MEASURED if row.of:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import radians, tau
 from pathlib import Path
@@ -32,6 +32,7 @@ from artemis.motion.gain_tuning import (
 from artemis.motion.step_response import SWING, StepResponse, compared, quickness, reversals, slope
 from artemis.planning import check_drivable, is_simulated
 from artemis.recording.mcap_reader import Recording
+from artemis.report.drawing import check_figures
 from artemis.report.responses import REST, Trace, read_traces
 from artemis.vehicle import RobotFile
 
@@ -52,6 +53,7 @@ def calibrate_auto(mission: Path, wanted: Wanted) -> int:
     """
     if wanted.gains or wanted.tried:
         raise ConfigError("calibrate gains: --auto finds the gains itself: no others, and no --try")
+    check_figures("calibrate gains")
     loaded = load_mission(mission)
     simulated = is_simulated(loaded, wanted.simulate)
     check_drivable(loaded, mission, simulated)
@@ -71,28 +73,41 @@ def calibrate_auto(mission: Path, wanted: Wanted) -> int:
         return FAILED
     for line in machine.lines():
         say(line)
-    for proposal in machine.proposals():
+    tried: list[tuple[Trial, Findings]] = []
+
+    def measured(proposal: Proposal) -> dict[str, list[Answer]]:
         new = NewGains.model_validate({machine.kind: machine.told(proposal)})
-        trial = replace(trial, new=new, repetitions=REPETITIONS)
+        again = replace(trial, new=new, repetitions=REPETITIONS)
         say(f"proposed    {machine.words(proposal)}")
-        if asks and not confirmed("calibrate gains", f"{announced(trial)}, {REPETITIONS} times each: go?"):
+        if asks and not confirmed("calibrate gains", f"{announced(again)}, {REPETITIONS} times each: go?"):
             say("kept        nothing: the new gains were not tried")
-            return FAILED
-        status, found, outcome = attempt(loaded, mission, trial, wanted.simulate, machine.predicted(proposal))
+            raise _Ended(FAILED)
+        status, found, outcome = attempt(loaded, mission, again, wanted.simulate, machine.predicted(proposal))
         if status or found is None:
-            return status
-        try:
-            machine.compare(answers(Recording(outcome.run.path), trial))
-        except CalibrationError as error:
-            say(f"kept        nothing: {error}")
-            return FAILED
-        if not machine.reason:
-            if simulated:
-                say("kept        nothing: simulated drives do not know what gains do to a machine")
-                return 0
-            return decide(loaded, trial, found, wanted.yes)
-    say(f"kept        nothing: {machine.reason}")
-    return 0
+            raise _Ended(status)
+        tried.append((again, found))
+        return answers(Recording(outcome.run.path), again)
+
+    try:
+        better = machine.best(measured)
+    except _Ended as ended:
+        return ended.status
+    except CalibrationError as error:
+        say(f"kept        nothing: {error}")
+        return FAILED
+    if better is None or simulated:
+        said = machine.reason if better is None else "simulated drives do not know what gains do to a machine"
+        say(f"kept        nothing: {said}")
+        return 0
+    return decide(loaded, *tried[-1], wanted.yes)
+
+
+class _Ended(Exception):
+    """A trial ended the command."""
+
+    def __init__(self, status: int) -> None:
+        super().__init__()
+        self.status = status
 
 
 # ---------------------------------------------------------------------------------------------- what was measured
@@ -177,16 +192,16 @@ class Identified:
         )
 
     def _gains(self, name: str) -> tuple[int, ...]:
-        return self._robot.drives[name].gain_numbers[self._place]
+        return self._robot.drives[name].gain_numbers[self.place]
 
     @property
-    def _place(self) -> slice:
+    def place(self) -> slice:
         """Where these gains are among all of a drive."""
         return slice(4, 7) if self.kind == "position" else slice(2, 4)
 
     def told(self, proposal: Proposal) -> tuple[float, ...]:
         """Its gains as the robot file has them."""
-        return self._family.told_gains(proposal.gains, self._place.start)
+        return self._family.told_gains(proposal.gains, self.place.start)
 
     def words(self, proposal: Proposal) -> str:
         """A proposal for people."""
@@ -267,10 +282,22 @@ class Identified:
         elif not order:
             best, now = min(each.settled for each in found), max(each.settled_5 or 0.0 for each in present)
             self.reason = f"no gains are predicted to settle sooner than now, {now:.3f} s (the best: {best:.3f} s); "
-            self.reason += self._obstacle(present)
+            self.reason += self.obstacle(present)
         return order
 
-    def _obstacle(self, responses: Sequence[StepResponse]) -> str:
+    def best(self, measured: Callable[[Proposal], Mapping[str, Sequence[Answer]]]) -> Proposal | None:
+        """The first proposal that is better where it was tried, beside the present gains; None: `reason` says why.
+
+        `measured` tries one, and gives the answers by gains, `now` and `new`.
+        """
+        for proposal in self.proposals():
+            self.compare(measured(proposal))
+            if not self.reason:
+                return proposal
+        return None
+
+    def obstacle(self, responses: Sequence[StepResponse]) -> str:
+        """Why they do not settle sooner."""
         slowest = max(responses, key=lambda each: each.settled_5 or 0.0)
         return obstacle(slowest, slowest.settled_5 or 0.0, min(loop.limit for loop in self._present.values()))
 
@@ -293,7 +320,7 @@ class Identified:
             say("better      the present gains did not settle each time")
             return
         share = max(each.settled_5 or 0.0 for each in new) / min(before)
-        say(f"better      settles in {share:.0%} of the time" + f"; not less: {self._obstacle(new)}" * (share > WORTH))
+        say(f"better      settles in {share:.0%} of the time" + f"; not less: {self.obstacle(new)}" * (share > WORTH))
 
     def predicted(self, proposal: Proposal) -> Findings:
         """What the model says of gains, as a trial would show it."""

@@ -28,7 +28,8 @@ def graph(mission: Path | None, svg: Path | None) -> None:
         return
     if svg is not None and svg.suffix != ".svg":
         raise ConfigError(f"--svg {svg}: the picture is SVG; name the file {svg.stem or 'mission'}.svg")
-    box = boxes_of(load_mission(mission).mission.model_dump(mode="json", by_alias=True))
+    loaded = load_mission(mission)
+    box = boxes_of(loaded.mission.model_dump(mode="json", by_alias=True), loaded.robot)
     if svg is None:
         sys.stdout.write(f"{mermaid_of(box)}\n")
         return

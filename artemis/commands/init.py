@@ -104,7 +104,7 @@ def begin(folder: Path, *, ask: bool, force: bool) -> None:
         f"  artemis run {mission}    # now, against simulated drives\n"
         f"  artemis doctor --mission {mission}    # what is missing on this computer\n"
         "Motors, gains, currents, potentiometers and node ids in robots/robot.yaml are still those of ARTEMIS:\n"
-        "docs/commissioning.md says where each number comes from, and how the first power-up goes.\n"
+        f"{GUIDE} says where each number comes from, and how the first power-up goes.\n"
     )
 
 
@@ -135,9 +135,12 @@ def texts(answers: Mapping[str, float | str]) -> dict[str, str]:
     }
 
 
-ROBOT_HEAD = """\
+GUIDE = "the commissioning guide (docs/commissioning.md in the sources of artemis)"
+"""A wheel does not contain it."""
+ROBOT_HEAD = f"""\
 # Written by `artemis init`. What was asked for is this machine's; the rest is that of the robot ARTEMIS, so that it
-# runs simulated at once. Before the first power-up of a real machine go through every line: docs/commissioning.md.
+# runs simulated at once. Before the first power-up of a real machine go through every line, with
+# {GUIDE}.
 """
 MISSION = """\
 # Align the wheels from their potentiometers, then one lap of a figure eight, on simulated drives.
@@ -161,7 +164,7 @@ FIRST = Path(__file__).with_name("first.yaml")
 
 def test_first_mission_aligns_the_wheels_and_follows_its_path() -> None:
     first = walk(FIRST, "done", "done")
-    assert first.steps == ["calibrate", "follow paths/first.csv"]
+    assert first.steps == ["calibrate steering", "follow paths/first.csv"]
     assert first.ended == "done"
 '''
 

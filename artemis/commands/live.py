@@ -16,11 +16,11 @@ from artemis.devices.can_bus import Traffic, most_bits
 from artemis.drive_states import DriveState
 from artemis.families.family import Errors
 from artemis.plugins.guard import Problem
-from artemis.progress import Position
 from artemis.recording.asked_poses import AskedPoses
 from artemis.recording.event_log import happened, values_of
 from artemis.recording.journal import Level
 from artemis.report.fault_words import DID, next_step
+from artemis.report.mission_times import MissionTimes
 from artemis.states.modes import RUNNING
 from artemis.states.requests import ignored
 from artemis.supervision.catalogue import ROWS
@@ -58,7 +58,7 @@ class LiveView:
         on_lost: Callable[[], None],
         bitrate: int,
         errors: Errors,
-        where: Callable[[Position], str] = lambda position: "",
+        mission: MissionTimes | None = None,
     ) -> None:
         """Say the title.
 
@@ -68,9 +68,9 @@ class LiveView:
             on_lost: Is called at a tick.
             bitrate: Of the bus [bit/s].
             errors: What the drives' error codes mean.
-            where: Names a place in the mission in a few words.
+            mission: Knows where it is, of a mission with words; None: it is a list of steps.
         """
-        self._where, self._errors = where, errors
+        self._mission, self._errors = mission, errors
         self._terminal = sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
         self._coloured = self._terminal and not os.environ.get("NO_COLOR")
         self._on_lost = on_lost
@@ -87,8 +87,10 @@ class LiveView:
         """Say what is new in a tick, and where the robot is."""
         if self._terminal:
             self._load.count(tick.snapshot.time, traffic)
+        if self._mission is not None:
+            self._mission.see(tick)
         sensed = tick.snapshot.sensed
-        for answer in sensed.answers:
+        for answer in (*sensed.answers, *(typed.text for typed in sensed.typed)):
             self._say(sensed.time, "answer", answer)
         self._point(tick)
         for request in sensed.requests:
@@ -172,8 +174,9 @@ class LiveView:
     def _status(self, tick: Tick) -> str:
         """The changing line, no longer than the terminal is wide."""
         width = shutil.get_terminal_size().columns - 1
-        where = self._where(tick.position) if tick.mode in RUNNING else ""
-        return self._styled(status(tick, width, self._load.share, where), _MODE_COLOURS.get(tick.mode))
+        mission = self._mission if tick.mode in RUNNING else None
+        where, before = (mission.here, mission.before) if mission is not None else ("", "")
+        return self._styled(status(tick, width, self._load.share, where, before), _MODE_COLOURS.get(tick.mode))
 
 
 class _BusLoad:
@@ -190,10 +193,10 @@ class _BusLoad:
             self._begun, self._bits = time, 0
 
 
-def status(tick: Tick, width: int, load: float = 0.0, where: str = "") -> str:
+def status(tick: Tick, width: int, load: float = 0.0, where: str = "", before: str = "") -> str:
     """Where the robot is, in at most `width` characters: the distance along the path, or what it does.
 
-    `where` it is in the mission stands behind the mode.
+    `where` it is in the mission stands behind the mode; how the step `before` ended, at the end.
     By hand also what the wheels and the hand do, which drives are not on, and the share `load` of the bus in use.
     """
     odometry, tracking = tick.snapshot.odometry, tick.wish.tracking
@@ -203,11 +206,13 @@ def status(tick: Tick, width: int, load: float = 0.0, where: str = "") -> str:
     line += f"  {odometry.speed:+.2f} m/s  {degrees(odometry.steering):+5.1f}°"
     if tick.mode is Mode.TELEOP:
         line += _by_hand(tick.snapshot, load)
+    after = f"  after {before}" if before else ""
     if tracking is None:
-        return f"{line}  {tick.wish.phase}"[:width]
+        return f"{line}  {tick.wish.phase}{after}"[:width]
     line += (
         f"  cross-track {tracking.cross_track * 1000:+4.0f} mm  {tracking.arc_length:5.1f} of {tracking.length:.1f} m"
     )
+    line += after
     bar = min(LONGEST_BAR, width - len(line) - 2)
     if bar > 0:
         done = min(max(tracking.arc_length / tracking.length, 0.0), 1.0) if tracking.length else 1.0

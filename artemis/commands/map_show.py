@@ -16,8 +16,9 @@ from artemis.mapping.map_file import read_map
 from artemis.mapping.occupancy import FREE, OCCUPIED, OccupancyMap
 from artemis.mapping.se2 import between, wrapped
 from artemis.mission.loading import load_model
-from artemis.motion.planned_route import planned_route
+from artemis.motion.planned_route import unpacked_route
 from artemis.motion.route import Route
+from artemis.report.drawing import check_figures
 from artemis.route_planning.floor import MARGIN, floor_from, goal_problem
 from artemis.route_planning.planner import RouteRequest, plan_route
 from artemis.route_planning.zones import MapZones
@@ -41,6 +42,8 @@ def show_map(file: Path, figure: Path | None, wanted: tuple[str, str, Path] | No
     """
     if figure is not None and figure.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise ConfigError(f"{figure}: no figure can be drawn as that: name it .png, .svg or .pdf")
+    if figure is not None:
+        check_figures("--output")
     content = read_map(file)
     rows, columns = content.cells.shape
     size = f"{columns * content.resolution:.1f} x {rows * content.resolution:.1f} m"
@@ -102,7 +105,7 @@ def planned(content: OccupancyMap, zones: MapZones, begin: str, end: str, robot_
     found = plan_route(RouteRequest(floor=floor, robot=robot, start=poses[0], goal=poses[1], speed=speed))
     if not found.values:
         raise ConfigError(f"from {begin} to {end}: {found.detail}")
-    return planned_route(found.values, robot, speed)
+    return unpacked_route(found.values)
 
 
 def _pose(option: str, words: str, zones: MapZones) -> Pose:

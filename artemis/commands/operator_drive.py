@@ -28,6 +28,7 @@ from artemis.commands.terminal import DRIVING, listen_to_keys, somebody_is_there
 from artemis.errors import ConfigError, DeviceLost
 from artemis.plugins.answers import is_in_range, is_whole_input
 from artemis.plugins.contracts import InputDevice, PluginContext
+from artemis.progress import Answer
 from artemis.values import OperatorInput, Request
 
 POLL = 0.002
@@ -260,7 +261,7 @@ class OperatorDrive:
         for listener in self._typed:
             listener(typed)
 
-    def _ask(self, request: Request | str) -> None:
+    def _ask(self, request: Request | Answer) -> None:
         """A key; a terminal that is closed asks for a stop and the end: of the driving, not of the robot's run."""
         if request in (_LEAVE, Request.END):
             self._leaving = True

@@ -21,6 +21,9 @@ from artemis.motion.waypoints import deviation, drawn, rows_of
 from artemis.states.follow import START_ANGLE, START_DISTANCE
 from artemis.yaml_file import read
 
+SHOWN_BULGE = 0.005
+"""A curve that leaves the straight lines between its points by less [m] is not reported."""
+
 
 def import_path(
     file: Path,
@@ -110,8 +113,9 @@ def _words(given: Given, found: Sequence[Stretch], route: Route, name: str) -> l
     if np.hypot(np.diff(given.x), np.diff(given.y)).max() > MAX_GAP:
         bulges = [(*bulge(x, y, path), first) for (first, x, y), path in zip(pieces, paths, strict=True)]
         most, corner, first = max(bulges)
-        place = given.places[corner + first]
-        words.append(f"the curve leaves the straight lines between them by up to {most:.2f} m ({place})")
+        if most >= SHOWN_BULGE:
+            place = given.places[corner + first]
+            words.append(f"the curve leaves the straight lines between them by up to {most:.2f} m ({place})")
     begin, heading = paths[0].at(0.0), route.parts[0].heading_at(0.0)
     if math.hypot(begin.x, begin.y) > START_DISTANCE or abs(heading) > START_ANGLE:
         words.append(

@@ -19,6 +19,7 @@ from artemis.motion.path_facts import PartFacts, demand_of, facts_of
 from artemis.motion.path_points import MAX_SPEED
 from artemis.motion.route import route_from_csv
 from artemis.motion.table import MAX_CHARACTERS
+from artemis.report.drawing import check_figures
 from artemis.vehicle import RobotFile
 from artemis.yaml_file import read
 
@@ -39,6 +40,8 @@ def show_paths(files: Sequence[Path], robot_file: Path | None, speed: float | No
         raise ConfigError(f"--speed {speed:g}: expected up to {MAX_SPEED:g} m/s, and a robot with --robot")
     if figure is not None and figure.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise ConfigError(f"{figure}: no figure can be drawn as that: name it .png, .svg or .pdf")
+    if figure is not None:
+        check_figures("--output")
     robot = None
     if robot_file is not None:
         robot = load_model(robot_file, RobotFile)

@@ -37,6 +37,8 @@ NAMES = {
 """What a header may call a column, without its unit."""
 SHOWN = ("x_m", "y_m", "x_mm", "y_mm", "heading_rad", "heading_deg", "speed_m_s", "time_s", "lat", "lon")
 """Some of them, for messages."""
+FAR_APART = 5.0
+"""Where neighbouring points are farther apart (by the median), metres are not assumed."""
 UNUSED = ("z", "time")
 """Columns that are known, and mean nothing for a path."""
 UNITS = {
@@ -48,6 +50,7 @@ UNITS = {
 """Of each kind of quantity, in m, rad and m/s; of times nothing is used."""
 KINDS = {"x": "length", "y": "length", "z": "length", "heading": "angle", "speed": "speed", "time": "time"}
 _IN_BRACKETS = re.compile(r"(.*?)[\s_]*[\[(<]\s*([^\])>]*?)\s*[\])>]")
+_QUOTED_NUMBER = re.compile(r'"\s*([-+]?\d+),(\d+(?:[eE][-+]?\d+)?)\s*"')
 _QUATERNION = ("qx", "qy", "qz", "qw")
 
 
@@ -132,6 +135,7 @@ def read_csv(raw: bytes, source: str) -> Given:
         _check_places(table, columns)
         given = from_places([list(zip(columns["lat"].tolist(), columns["lon"].tolist(), places, strict=True))])
     else:
+        _check_unit(table, columns)
         given = Given(x=columns["x"], y=columns["y"], heading=_heading(table, columns), places=places)
     given.speed = columns.get("speed")
     given.notes = [*_notes(table, columns, meanings, commas), *given.notes]
@@ -168,6 +172,23 @@ def _heading(table: Table, columns: dict[str, Array]) -> Array | None:
     return heading_of(*rotation)
 
 
+def _check_unit(table: Table, columns: dict[str, Array]) -> None:
+    """Points that are far apart may be in millimetres: then their unit has to be given, as a message of ROS has it.
+
+    Raises:
+        ConfigError: it is not.
+    """
+    steps = np.hypot(np.diff(columns["x"]), np.diff(columns["y"]))
+    gap = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
+    given = [written for written in table.header if _parted(written)[1] is not None or re.search(r"[./]", written)]
+    if gap > FAR_APART and not {"x", "y"} <= {_meaning(written)[0] for written in given}:
+        table.report_file(
+            f"neighbouring points are {gap:.4g} units apart, and no unit is given: name the columns x_mm,y_mm if that "
+            "is millimetres, or x_m,y_m if it is metres"
+        )
+        table.raise_problems()
+
+
 def _check_places(table: Table, columns: dict[str, Array]) -> None:
     """Latitude and longitude are in degrees, and somewhere on Earth."""
     for name, bound in (("lat", 90), ("lon", 180)):
@@ -179,7 +200,10 @@ def _check_places(table: Table, columns: dict[str, Array]) -> None:
 
 
 def _with_points(text: str) -> tuple[str, bool]:
-    """The text with decimal points instead of commas, if semicolons, tabs or blanks separate its columns."""
+    """The text with decimal points instead of commas where quotes, semicolons, tabs or blanks separate its columns."""
+    without = _QUOTED_NUMBER.sub(r'"\1.\2"', text)
+    if without != text:
+        return without, True
     rows = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     numbers = [line for line in rows if re.search(r"\d", line) and not re.search(r"[A-Za-z]{2}", line)]
     cell = r"[-+]?\d+(?:,\d+)?(?:[eE][-+]?\d+)?"

@@ -18,6 +18,7 @@ from artemis.motion.trajectory import Trajectory
 from artemis.motion.truth import as_tum, truth_from
 from artemis.recording.disk import write_whole
 from artemis.recording.mcap_reader import Recording
+from artemis.report.drawing import check_figures
 from artemis.report.page import write_report
 from artemis.report.series import Series, read_series
 from artemis.report.side_by_side import write_side_by_side
@@ -53,10 +54,12 @@ def report(
         raise ConfigError("--align, --sensor and --same-clock are about a truth: name it with --truth")
     if export not in (None, "tum"):
         raise ConfigError(f"--export {export}: expected tum")
+    if truth is not None:
+        check_figures("--truth")
     alignment = _alignment(align or ("none" if truth == SIMULATION else "best"))
     place = _sensor(sensor)
     given = None if truth in (None, SIMULATION) else _truth(Path(str(truth)))
-    recording = Recording(run)
+    recording = _opened(run)
     folder = run if run.is_dir() else run.parent
     series = read_series(recording, every_tick=truth is not None or export is not None)
     compared = None
@@ -83,7 +86,7 @@ def report_with(run: Path, other: Path, at: str) -> None:
         ConfigError: no step of both begins so.
         RecordingError: a recording cannot be read, or the page not be written.
     """
-    first, second = Recording(run), Recording(other)
+    first, second = _opened(run), _opened(other)
     folder = run if run.is_dir() else run.parent
     page = folder / f"with-{second.path.resolve().parent.name}.html"
     rows = [("", run.name, other.name, "difference"), *write_side_by_side(first, second, page, at)]
@@ -93,6 +96,14 @@ def report_with(run: Path, other: Path, at: str) -> None:
         told = "  ".join(f"{cell:>{width}}" for cell, width in zip(cells, widths[1:], strict=True))
         sys.stdout.write(f"{name:{widths[0]}}  {told}".rstrip() + "\n")
     sys.stdout.write(f"{page}\n")
+
+
+def _opened(run: Path) -> Recording:
+    """The recording of a run; that it is not whole is printed."""
+    recording = Recording(run)
+    if recording.incomplete:
+        sys.stdout.write(f"{run}: the recording is not whole: {recording.incomplete}\n")
+    return recording
 
 
 def _alignment(word: str) -> Alignment:

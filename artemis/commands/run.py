@@ -10,11 +10,11 @@ from functools import partial
 from math import degrees
 from pathlib import Path
 from shlex import quote
-from textwrap import shorten
 from typing import Any
 
 from artemis.app import Outcome, Watch, resumption_from, run_mission
 from artemis.attendance import Operator
+from artemis.commands.answering import Answering
 from artemis.commands.live import LiveView
 from artemis.commands.page import announce, page_of
 from artemis.commands.started import page_that_started, report_unbroken, told_to
@@ -25,10 +25,9 @@ from artemis.commands.terminal import (
     DRIVING,
     HINT,
     KEYS,
-    listen_to_keys,
     somebody_is_there,
 )
-from artemis.devices.can_bus import place_of
+from artemis.devices.multicast import INTERFACE, free_group, place_of
 from artemis.errors import ConfigError, RecordingError
 from artemis.mission.extras import slower_without_numba
 from artemis.mission.loading import LoadedMission, load_mission
@@ -43,17 +42,15 @@ from artemis.planning import (
     preparations,
     straight_by_hand,
 )
-from artemis.progress import Position
 from artemis.recording.disk import Disk, low_disk
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.provenance import ResumePoint
 from artemis.recording.resume import unfinished_run
-from artemis.report.mission_boxes import name_of
+from artemis.report.mission_times import MissionTimes
 from artemis.report.page import write_report
 from artemis.report.series import read_series
 from artemis.report.summary import Summary, consumption, summary
 from artemis.run_record import content_hash
-from artemis.states.whereabouts import counts
 from artemis.values import Request
 
 
@@ -76,14 +73,14 @@ def run_and_report(
     """
     loaded = load_mission(source, simulate, page=page)
     if checked is not None and checked != content_hash(loaded, source):
-        raise ConfigError(f"{source}: it, or a file that it names, has changed since it was checked: look at it again")
+        raise ConfigError(f"{source}: it, or a file that it names, has changed since it was checked: check it again")
     resume_point = _resumption(loaded, source, resume, simulate)
     started_by = None if checked is None else page_that_started()
     outcome = run_in_sight(loaded, source, simulate, resume_point, started_by=started_by)
     if outcome.failed:
-        with suppress(ConfigError):  # then it cannot be gone on with; why is said to who tries
+        with suppress(ConfigError):  # then it cannot be resumed; `--resume` says why
             resumption_from(loaded, source, outcome.run.path, simulate)
-            _print("go on", _command(source, outcome.run.path, simulate))
+            _print("resume", _command(source, outcome.run.path, simulate))
     return outcome.exit_status
 
 
@@ -131,7 +128,8 @@ def run_in_sight(
     simulated, fast = is_simulated(loaded, simulate), is_fast(loaded, simulate)
     check_drivable(loaded, source, simulated)
     keys, hint = _with_answers(loaded, keys, hint, simulated)
-    at_keys = partial(listen_to_keys, keys=keys) if somebody_is_there() and not fast else None
+    answering = Answering([number for number, (_, step) in enumerate(loaded.tree.steps) if step.ask is not None])
+    at_keys = partial(answering.listen, keys=keys) if somebody_is_there() and not fast else None
     operator = started_by or at_keys
     terminate = partial(signal.raise_signal, signal.SIGTERM)  # nobody sees what the robot does: an ordered end
     _forewarn(loaded, low_disk(loaded.folder / loaded.mission.record, Disk()) if operator or fast else None)
@@ -139,7 +137,7 @@ def run_in_sight(
         announce(page_of(loaded))
     robot, title = loaded.robot, _title(loaded, simulated)
     keys_heard = hint if at_keys and not started_by else ""
-    view = LiveView(title, keys_heard, terminate, robot.bitrate, robot.errors, partial(_where, loaded))
+    view = LiveView(title, keys_heard, terminate, robot.bitrate, robot.errors, _times(loaded))
     for prepare in () if fast else preparations(loaded, simulated):
         _print("prepares", "scan matching, before the robot is touched: compiled, half a minute the first time")
         prepare()
@@ -147,14 +145,14 @@ def run_in_sight(
         loaded,
         source,
         simulate=simulate,
-        watch=told_to(ServiceManager(), watch),
+        watch=told_to(ServiceManager(), answering.beside(watch)),
         observers={"live view": view},
         operator=operator,
         resume_point=resume_point,
     )
     with report_unbroken():
         then(outcome)
-        _conclude(outcome)
+        _conclude(outcome, "" if simulated else _another_bus(loaded, outcome))
     return outcome
 
 
@@ -171,8 +169,11 @@ def _resumption(loaded: LoadedMission, source: Path, resume: Path | None, simula
         root, simulated = loaded.folder / loaded.mission.record, is_simulated(loaded, simulate)
         if left := unfinished_run(root, loaded.mission.mission, simulated=simulated):
             run, until = left
-            command = _command(source, run, simulate)
-            _print("last run", f"ended without shutdown at {until:.2f} s; to resume it: {command}")
+            if until is None:
+                _print("last run", f"{run} is still under way")
+            else:
+                command = _command(source, run, simulate)
+                _print("last run", f"ended without shutdown at {until:.2f} s; to resume it: {command}")
         return None
     found, notes = resumption_from(loaded, source, resume, simulate)
     at = found.position
@@ -191,14 +192,10 @@ def _command(source: Path, run: Path, simulate: bool) -> str:
     return f"artemis run {quote(str(source))}{' --simulate' * simulate} --resume {quote(str(run))}"
 
 
-def _where(loaded: LoadedMission, position: Position) -> str:
-    """The present step of a mission with words, with its rounds and attempts, in a few words."""
-    steps, tree = loaded.tree.steps, loaded.tree.tree
-    if tree.is_list or position.step >= len(steps):
-        return ""
-    step = steps[position.step][1]
-    body = step.action if step.behaviour else step.action.model_dump(mode="json", by_alias=True)
-    return ", ".join([shorten(name_of(step.word, body), 30, placeholder="…"), *counts(tree, position)])
+def _times(loaded: LoadedMission) -> MissionTimes | None:
+    """What the live view knows of a mission with words; None: it has none."""
+    written = loaded.mission.model_dump(mode="json", by_alias=True)
+    return None if loaded.tree.tree.is_list else MissionTimes(written)
 
 
 def _title(loaded: LoadedMission, simulated: bool) -> str:
@@ -207,7 +204,15 @@ def _title(loaded: LoadedMission, simulated: bool) -> str:
     return f"mission {loaded.mission.mission}: {loaded.robot.robot} on {place or 'simulated drives'}"
 
 
-def _conclude(outcome: Outcome) -> None:
+def _another_bus(loaded: LoadedMission, outcome: Outcome) -> str:
+    """Where a run that found another artemis on its bus can go instead."""
+    bus = loaded.mission.bus
+    if "COM-18" not in outcome.reason or not isinstance(bus, BusWords) or bus.words.get("interface") != INTERFACE:
+        return ""
+    return f"to run beside the other one, take a free group: bus: {{interface: {INTERFACE}, channel: {free_group()}}}"
+
+
+def _conclude(outcome: Outcome, advice: str) -> None:
     """Print the summary, then write the page: drawing its figures takes longer than many a run."""
     sys.stdout.write("\n")
     try:
@@ -219,6 +224,8 @@ def _conclude(outcome: Outcome) -> None:
         _print("recording", str(error))
         return
     _print("result", _result(outcome, found.faults, series.mission.failure))
+    if advice:
+        _print("", advice)
     if series.mission.remedy:
         _print("", series.mission.remedy)
     for label, text in _numbers(found):

@@ -10,7 +10,8 @@ from math import degrees
 from pathlib import Path
 
 from artemis import clock
-from artemis.devices.can_bus import CanBus, check_bus_words, place_of
+from artemis.devices.can_bus import CanBus, check_bus_words
+from artemis.devices.multicast import place_of
 from artemis.errors import ConfigError, DeviceLost
 from artemis.mapping.map_file import read_map
 from artemis.mission.loading import load_model

@@ -15,6 +15,7 @@ from artemis.clock import stopwatch
 from artemis.devices.can_bus import Traffic
 from artemis.errors import ConfigError
 from artemis.notify import READY, STATUS, STOPPING, ServiceManager
+from artemis.progress import Answer
 from artemis.values import Request, Tick
 
 STATUS_EVERY = 1.0
@@ -70,7 +71,7 @@ def page_that_started() -> Operator:
     if not held:
         raise ConfigError("--started-by-page: only `artemis page` starts a run in this way")
 
-    def listen(request: Callable[[Request | str], None], _typed: object) -> Callable[[], None]:
+    def listen(request: Callable[[Request | Answer], None], _typed: object) -> Callable[[], None]:
         loop = asyncio.get_running_loop()
 
         def read() -> None:

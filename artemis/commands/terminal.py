@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 
 from artemis.errors import ConfigError
+from artemis.progress import Answer
 from artemis.values import Request
 
 KEYS = {b" ": Request.QUICKSTOP, b"a": Request.ACKNOWLEDGE, b"r": Request.ARM, b"q": Request.END}
@@ -73,7 +74,7 @@ def confirmed(command: str, question: str) -> bool:
 
 
 def listen_to_keys(
-    request: Callable[[Request | str], None],
+    request: Callable[[Request | Answer], None],
     typed: Callable[[bytes], None] | None = None,
     keys: Mapping[bytes, Request | str] = KEYS,
 ) -> Callable[[], None]:

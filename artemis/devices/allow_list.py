@@ -23,7 +23,7 @@ FALLING = frozenset({Mode.READY, Mode.CALIBRATE, Mode.QUICKSTOP})
 SERVICE = frozenset({Mode.INIT, Mode.QUICKSTOP, Mode.FAULT, Mode.END})
 """NMT commands may leave."""
 QUIET = frozenset({Mode.READY, Mode.TELEOP, Mode.FOLLOW, Mode.ACT})
-"""No SDO transfer: it waits until the robot is at rest in another mode. Only the supply voltage is read."""
+"""No SDO transfer: it waits until the robot is at rest in another mode. Only voltages and temperatures are read."""
 MARGIN = 0.05
 """A wheel's target may rise by this much while the robot slows down: it no longer rolls about its kingpin [m/s]."""
 TOLERANCE = 1.02
@@ -62,7 +62,8 @@ class AllowList:
             units = abs(Units(robot, drive).velocity) if driven else 0.0
             self._rules[RXPDO[0] + node] = self._set_point(node, units)
             self._rules[RXPDO[1] + node] = self._stop
-            self._rules[SDO_REQUEST + node] = self._sdo(source.object if source and source.drive == name else None)
+            supply = source.object if source and source.drive == name else None
+            self._rules[SDO_REQUEST + node] = self._sdo(supply, drive.tables.temperature)
         self.ours = frozenset(self._rules)
         """Identifiers that nobody but us may send."""
         counted = [identifier for identifier in self._rules if identifier & _FUNCTION not in (NMT, SDO_REQUEST)]
@@ -125,20 +126,21 @@ class AllowList:
     def _stop(self, data: bytes) -> str | None:
         return None if data == _word(Controlword.QUICK_STOP) else "is no quick stop"
 
-    def _sdo(self, supply: Object | None) -> Rule:
-        """SDO requests to a node; `supply`: what is read of it in every mode.
+    def _sdo(self, *measured: Object | None) -> Rule:
+        """SDO requests to a node; `measured`: what is read of it in every mode.
 
         Reading it includes an abort after a lost answer, and the look at 0x1000 with which the client falls in step.
         """
-        indices = (supply.index, DEVICE_TYPE.index) if supply is not None else ()
+        read = {(object.index, object.subindex) for object in measured if object is not None}
 
         def judge(data: bytes) -> str | None:
             if len(data) != 8:
                 return "is no SDO request"
             command = data[0] & _SPECIFIER
             if self._mode in QUIET:
-                reads = command in (_UPLOAD, _ABORT) and int.from_bytes(data[1:3], "little") in indices
-                return None if reads else "no SDO transfer while the robot may move"
+                index, subindex = int.from_bytes(data[1:3], "little"), data[3]
+                known = (index, subindex) in read or (bool(read) and index == DEVICE_TYPE.index)
+                return None if known and command in (_UPLOAD, _ABORT) else "no SDO transfer while the robot may move"
             if command != _DOWNLOAD:
                 return None
             index, value = int.from_bytes(data[1:3], "little"), data[4:]

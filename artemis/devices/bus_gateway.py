@@ -38,6 +38,8 @@ class BusGateway:
 
     def __init__(self, robot: RobotFile, bus: FrameBus) -> None:
         self._bus = bus
+        self.mode = Mode.INIT
+        """In the last tick."""
         self.judged = False
         """In the last tick, and in no fault: the drives answer."""
         self._allow = AllowList(robot)
@@ -52,7 +54,7 @@ class BusGateway:
 
     def begin(self, mode: Mode, *, judged: bool = False) -> None:
         """A tick in `mode` begins to write; `judged`: what the drives do not tell is a fault."""
-        self.judged = judged and mode is not Mode.FAULT
+        self.mode, self.judged = mode, judged and mode is not Mode.FAULT
         self._allow.begin(mode)
 
     def listen(self, wake: Callable[[], None] = lambda: None, report: Report = _unheard) -> None:

@@ -19,11 +19,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeVar
-from zlib import crc32
 
 from msgspec import Struct
 
 from artemis import clock
+from artemis.devices.multicast import with_port
 from artemis.errors import ConfigError, DeviceBusy, DeviceLost
 
 if TYPE_CHECKING:
@@ -97,9 +97,6 @@ _ECHOING = {"udp_multicast"}
 
 _WITHOUT_ADAPTER = {"virtual", "udp_multicast"}
 """Back ends that are always there."""
-
-_DEFAULT_GROUPS, _DEFAULT_PORT = (None, "239.74.163.2", "ff15:7079:7468:6f6e:6465:6d6f:6d63:6173"), 43113
-"""Of python-can's udp_multicast."""
 
 _ECHO_TIME = 1.0
 """An own frame that did not come back within this time [s] was lost on the way."""
@@ -315,24 +312,6 @@ def detected_adapters() -> list[Mapping[str, object]]:
     except Exception as error:
         raise DeviceLost("CAN", f"adapters cannot be looked for: {type(error).__name__}: {error}") from error
     return [words for words in found if words["interface"] not in _WITHOUT_ADAPTER]
-
-
-def with_port(words: Mapping[str, Any]) -> dict[str, Any]:
-    """Words of a bus, with a port of its own for each group of udp_multicast that names none.
-
-    python-can binds the port of all groups: on one host, buses with one port hear each other whatever their group.
-    Its own default groups keep its port, for other CANopen tools.
-    """
-    if words.get("interface") != "udp_multicast" or "port" in words or words.get("channel") in _DEFAULT_GROUPS:
-        return dict(words)
-    return {**words, "port": _DEFAULT_PORT + 1 + crc32(str(words.get("channel")).encode()) % 10_000}
-
-
-def place_of(words: Mapping[str, Any]) -> str:
-    """A bus for people: interface and channel, and the port where artemis chose it."""
-    chosen = with_port(words)
-    place = " ".join(str(words[word]) for word in ("interface", "channel") if word in words)
-    return f"{place} port {chosen['port']}" if "port" not in words and "port" in chosen else place
 
 
 def check_bus_words(words: Mapping[str, Any]) -> list[str]:

@@ -8,14 +8,15 @@ from contextlib import suppress
 from artemis.devices.bus_gateway import BusGateway
 from artemis.devices.can_bus import FrameBus
 from artemis.devices.canopen import EMERGENCY, HEARTBEAT, SDO_ANSWER, SYNC_FRAME, TXPDO, heartbeat_frame
-from artemis.devices.device import Readings, Report
+from artemis.devices.device import Readings, Report, Work
 from artemis.devices.epos import EposDrive
 from artemis.devices.epos_jobs import EposJobs
 from artemis.devices.epos_objects import PERIOD
 from artemis.devices.epos_state import Controlword, controlword
+from artemis.devices.temperature import temperature_readers
 from artemis.drive_states import Nmt
 from artemis.errors import DeviceLost
-from artemis.values import DriveFeedback, Job, JobResult, Tick
+from artemis.values import Job, JobResult, Tick
 from artemis.vehicle import RobotFile
 
 _QUICK_STOP = Controlword.QUICK_STOP
@@ -37,19 +38,15 @@ class Drives:
             self.wire.handlers[HEARTBEAT + node.node_id] = node, node.on_heartbeat
             self.wire.handlers[SDO_ANSWER + node.node_id] = node, node.sdo.receive
 
-    def begin(self, start: float, wake: Callable[[], None], report: Report) -> tuple[()]:
+    def begin(self, start: float, wake: Callable[[], None], report: Report) -> list[Work]:
         """Listen between ticks: answers go to their jobs."""
         self.wire.listen(wake, report)
-        return ()
+        return temperature_readers(self.nodes, self.wire)
 
     def sense(self, now: float) -> Readings:
         """What each drive last said, and how the bus was, at loop time `now` [s]."""
         self.wire.look()
-        return Readings(drives=self.feedback(now), bus=self.wire.health())
-
-    def feedback(self, now: float) -> tuple[DriveFeedback, ...]:
-        """What each drive last said, at loop time `now` [s]."""
-        return tuple([node.feedback(now) for node in self.nodes])
+        return Readings(drives=tuple([node.feedback(now) for node in self.nodes]), bus=self.wire.health())
 
     def write(self, tick: Tick) -> None:
         """Goals and set-points of a tick; last of all the heartbeat that keeps the drives running.

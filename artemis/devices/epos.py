@@ -35,8 +35,9 @@ class EposDrive:
         self.state = DriveState.UNKNOWN
         """By the newest statusword."""
         self._volts, self._angle_sensor = (0.0, 0.0), 0
-        self._status_time: float | None = None
+        self.status_time: float | None = None
         self._details_time: float | None = None
+        self.temperature = 0.0, -inf  # of its power stage [°C], and until when that counts
         self._nmt: Nmt | None = None
         self._heard: float | None = None
         self.tally = Tally()
@@ -46,7 +47,7 @@ class EposDrive:
         """TxPDO 1: statusword and position. What is older than the last one, or no motion could reach, is dropped."""
         values = self._pdos.status.unpack(frame.data)
         statusword, counts = values[0], values[1]
-        last = self._status_time
+        last = self.status_time
         elapsed = inf if last is None else frame.time - last
         if elapsed < 0.0:
             self.tally.disordered += 1
@@ -65,7 +66,7 @@ class EposDrive:
         if elapsed > 0.0 and not self.is_traction:
             self._velocity = moved / elapsed
         self._position += moved
-        self._counts, self._status_time, self._jumps = counts, frame.time, 0
+        self._counts, self.status_time, self._jumps = counts, frame.time, 0
 
     def on_details(self, frame: Frame) -> None:
         """TxPDO 2: velocity (traction) or what measures the angle (steering), and what else the family's layout has."""
@@ -95,7 +96,7 @@ class EposDrive:
 
     def feedback(self, now: float) -> DriveFeedback:
         """What the drive last said, with its age; takes the tally with it."""
-        status, details = self._status_time, self._details_time
+        status, details = self.status_time, self._details_time
         frames, self._frames = self._frames, 0
         stray, self._stray = self.sdo.late_answers - self._stray, self.sdo.late_answers
         feedback = DriveFeedback(
@@ -112,6 +113,7 @@ class EposDrive:
             nmt=self._nmt,
             heartbeat_age=None if self._heard is None else now - self._heard,
             frames=frames,
+            temperature_c=self.temperature[0] if now < self.temperature[1] else None,
         )
         if self.tally == NOTHING and not self._jumps and not stray:
             return feedback  # one call with more than 15 keywords would take four times as long
@@ -134,7 +136,7 @@ class EposDrive:
 
     def restart(self) -> None:
         """The drive's counter may begin anew, at zero."""
-        self._status_time, self._details_time, self._jumps = None, None, 0
+        self.status_time, self._details_time, self._jumps = None, None, 0
 
     def rebase(self, position: float, counts: int) -> None:
         """`counts` stands for `position` from now on."""

@@ -110,6 +110,8 @@ class EposJobs:
                 return await self.check_target()
             case JobKind.READ_HISTORY:
                 return await self.read_history()
+            case JobKind.READ_STO:
+                return await self._read_sto()
             case JobKind.READ_CALIBRATION | JobKind.READ_GAINS:
                 return await self._read_all(self._numbers[job.kind])
             case JobKind.WRITE_CALIBRATION | JobKind.WRITE_GAINS:
@@ -232,7 +234,8 @@ class EposJobs:
         limits = sorted(raw + round((end - angle) * self._epos.units.counts) for end in ends)
         if not LIMIT_OFF[0] < limits[0] < limits[1] < LIMIT_OFF[1]:  # a set-point beyond would be one at the other end
             raise NotKept(self.name, f"counts from {raw} on: too near the end of its counter for position limits")
-        await self._write_all(POSITION_LIMITS, limits)
+        if self._family.limits_position:
+            await self._write_all(POSITION_LIMITS, limits)
         self._epos.rebase(angle, raw)  # last: the job's result shall be seen together with the new angle
 
     async def check_target(self) -> tuple[int, ...]:
@@ -255,15 +258,23 @@ class EposJobs:
         codes = [await self.read(Object(0x1003, number, U32)) for number in range(1, min(count, 5) + 1)]
         return tuple(code & 0xFFFF for code in codes)
 
+    async def _read_sto(self) -> tuple[int, ...]:
+        """What its inputs for safe torque off show, where one is open."""
+        if (closed := self._family.sto) is None:
+            return ()
+        shown = await self.read(closed.object)
+        return () if shown & closed.value == closed.value else (shown,)
+
     async def store(self) -> None:
         """Keep all parameters for ever, but for the position limits: when the power comes the drive counts from zero.
 
         Only while the drive is off: it is busy meanwhile.
         """
-        limits = await self._read_all(POSITION_LIMITS)
-        await self._write_all(POSITION_LIMITS, LIMIT_OFF)
+        objects = POSITION_LIMITS if self._family.limits_position else ()
+        limits = await self._read_all(objects)
+        await self._write_all(objects, LIMIT_OFF[: len(objects)])
         await self._sdo.write(STORE.index, STORE.subindex, STORE.type.encode(SAVE), STORE_TIME)
-        await self._write_all(POSITION_LIMITS, limits)
+        await self._write_all(objects, limits)
 
     async def disarm(self) -> None:
         """Off, then no longer watching our heartbeat, Pre-Operational: the drive rests without a fault.

@@ -99,6 +99,13 @@ class AnalogWords(ObjectWords):
     units_per_v: Scale
 
 
+class ErrorWords(Config):
+    """An error code of the maker's own, and the row of the fault table that it means."""
+
+    code: Annotated[int, Field(ge=1, le=0xFFFF)]
+    row: str
+
+
 class OptionCodes(Config):
     """What the drive does by itself; None: it has no such object, and is not asked."""
 
@@ -132,6 +139,10 @@ class Cia402(Config):
     """A brake closes by itself where the power is cut: only then may option codes cut it while the wheel turns."""
     settings: Annotated[tuple[SettingWords, ...], Field(strict=False)] = ()
     """Written after everything else, in this order."""
+    absent: Annotated[tuple[Annotated[int, Field(ge=0, le=0xFFFF)], ...], Field(strict=False)] = ()
+    """Objects that the drive does not have: following error, position limits, highest speed, its own ramps."""
+    errors: Annotated[tuple[ErrorWords, ...], Field(strict=False)] = ()
+    """What it tells beside the codes of CiA 301 and 402."""
     reset_after_lost_heartbeat: bool = False
     """A fault reset is refused until its communication was reset."""
     interpolation_period: bool = True
@@ -142,6 +153,8 @@ class Cia402(Config):
     """Longest wait for a device state."""
 
 
+OPTIONAL = (0x6065, 0x607D, 0x607F, 0x6083, 0x6084, 0x6085)
+"""Objects that a drive may lack."""
 ERRORS = {
     0x1000: "DRV-01",
     0x2310: "DRV-02",
@@ -223,7 +236,7 @@ def family_from(words: Cia402) -> Family:
             *((cut, "cuts the power: without a brake the wheel coasts") for cut in POWER_CUTS if not words.brake),
         ),
         moves_valid_pdos=False,
-        errors=ERRORS,
+        errors={**ERRORS, **{each.code: each.row for each in words.errors}},
         resets={LOST_HEARTBEAT: "communication"} if words.reset_after_lost_heartbeat else {},
         bit_rate=None,
         bit_rates={},
@@ -235,13 +248,16 @@ def family_from(words: Cia402) -> Family:
 def _own_configuration(words: Cia402) -> tuple[tuple[Object, int | str], ...]:
     interpolates = words.interpolation_period and words.operating_mode != PROFILE_VELOCITY
     interpolation = ((INTERPOLATION_EXPONENT, -3), (INTERPOLATION_TIME, SYNC_PERIOD)) if interpolates else ()
-    return (
+    usual: tuple[tuple[Object, int | str], ...] = (
         (FOLLOWING_ERROR, "following error"),
         *zip(POSITION_LIMITS, LIMIT_OFF, strict=True),
         (TOP_PROFILE_VELOCITY, "top velocity"),
         (ACCELERATION, "acceleration"),
         (DECELERATION, "deceleration"),
         (QUICK_STOP_DECELERATION, "quick-stop deceleration"),
+    )
+    return (
+        *((object, value) for object, value in usual if object.index not in words.absent),
         (PRODUCER_HEARTBEAT, "node heartbeat"),
         (CONSUMER_HEARTBEAT, "host watch"),
         *interpolation,

@@ -6,7 +6,8 @@ Firmware Specification of 2026 (states, option codes, classes of errors, fields 
 tables of its errors. Units are increments, rpm and rpm/s of the motor shaft, mA and ms; gains are SI.
 
 Inferred, not read in a document of the maker: the control structure of a motor with halls alone; that 0x60E4:2 shows
-what an SSI encoder counts when no regulator uses it, and begins at its absolute position.
+what an SSI encoder counts when no regulator uses it, and begins at its absolute position; that bits 0 and 1 of 0x3202
+are the STO inputs, 1 where they have their voltage.
 """
 
 from __future__ import annotations
@@ -116,6 +117,8 @@ ERRORS = {
     0x4210: "DRV-06",
     0x4380: "DRV-35",
     0x5113: "DRV-05",
+    0x6080: "DRV-42",
+    0x6081: "DRV-42",
     0x6320: "DRV-08",
     0x6380: "DRV-09",
     0x7320: "DRV-11",
@@ -187,6 +190,8 @@ EPOS4 = Family(
     absolute=SECOND_SENSOR,
     inputs=DIGITAL_INPUTS,
     supply=Object(0x2200, 1, U16),  # in 0.1 V; no PDO takes it
+    sto=Setting(Object(0x3202, 1, U8), 0x03),
+    temperature=Object(0x3201, 1, I16),  # of the power stage, in 0.1 °C; no PDO takes it
     analog_step=20.0 / 4096,  # -10 to 10 V in 12 bit (hardware reference of the 50/5)
     configuration=(
         (MOTOR_TYPE, "motor type"),

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from artemis.drive_states import DriveState
-from artemis.families.objects import LOST_HEARTBEAT, Object, ObjectType, Setting
+from artemis.families.objects import LOST_HEARTBEAT, POSITION_LIMITS, Object, ObjectType, Setting
 
 Errors = Mapping[str, Mapping[int, str]]
 """By drive: rows of the fault table by EMCY error code."""
@@ -106,8 +106,14 @@ class Family:
     """Digital inputs by their functions, the home switch at `HOME_INPUT`."""
     supply: Object | None = None
     """Its supply voltage, where it measures that."""
+    sto: Setting | None = None
+    """Its inputs for safe torque off, and the bits that are set while they have their voltage: else it stays off."""
     supply_scale: float = 10.0
     """Units of `supply` per volt."""
+    temperature: Object | None = None
+    """Of its power stage, where it measures that."""
+    temperature_scale: float = 10.0
+    """Units of `temperature` per degree Celsius."""
     velocity_scale: float = 1.0
     """Units of velocities per rpm of the motor shaft."""
     acceleration_scale: float = 1.0
@@ -180,6 +186,11 @@ class Family:
             return tuple(numbers)
         units = self.gain_scale.units[first : first + len(numbers)]
         return tuple(round(number * unit, 6) for number, unit in zip(numbers, units, strict=True))
+
+    @property
+    def limits_position(self) -> bool:
+        """It refuses positions beyond its own limits."""
+        return any(object == POSITION_LIMITS[0] for object, _ in self.configuration)
 
     @property
     def interpolates(self) -> bool:

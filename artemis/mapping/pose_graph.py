@@ -3,8 +3,8 @@
 Levenberg-Marquardt on sparse normal equations: G. Grisetti et al., A tutorial on graph-based SLAM, IEEE Intelligent
 Transportation Systems Magazine 2(4), 2010. Cauchy's loss: a motion off by d standard deviations weighs 1/(1 + d²/s²).
 
-Where only the odometry measures how far the robot drove, its errors are not independent from link to link: a wrong wheel
-size acts all along. The share by which the odometry is wrong is therefore an unknown of the graph, which changes slowly.
+Where only the odometry measures how far the robot drove, its errors are not independent from link to link: a wrong
+wheel size acts all along. The share by which the odometry is wrong is an unknown of the graph, which changes slowly.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ class GotoChecks(MissionReading):
         if localizer_used(self._data, simulated=self._simulated) is None:
             self._complain(
                 at,
-                "where the robot is on the map, a localizer has to tell: add `localizer:`"
+                "the pose on the map has to come from a localizer: add `localizer:`"
                 " (in a simulation `simulation: {localizer: {plugin: simulated_tracker}}`)",
             )
         if robot is not None and robot.outline is None:
@@ -62,7 +62,7 @@ class GotoChecks(MissionReading):
             goal=pose,
             speed=goto.speed_m_s,
             margin=margin,
-            forward_first=rules is not None and rules.mode != "off" and not rules.unseen_reverse,
+            over_known=rules is not None and rules.mode != "off" and not rules.unseen_reverse,
         )
 
     def _check_asked(self, at: KeyPath, name: str, inputs: Configs) -> None:

@@ -15,9 +15,10 @@ from artemis import axles, drive_schema, mounting, vehicle
 from artemis.config import Config
 from artemis.errors import PluginError
 from artemis.mission import actions, by_hand, goto, obstacles, schema, waypoints, words
-from artemis.mission.behaviours import behaviour_class, installed_behaviours
+from artemis.mission.conditions import UNTIL
 from artemis.mission.injector import installed_injector
 from artemis.mission.schema import Mission
+from artemis.plugins.registry import BEHAVIOURS, behaviour_class, names
 from artemis.route_planning import zones
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -30,12 +31,14 @@ def mission_schema() -> dict[str, object]:
         found["$defs"]["InjectedFault"]["properties"]["inject"]["enum"] = list(injector.ids())
     step = found["$defs"]["Step"]
     step["additionalProperties"] = False
-    for name in installed_behaviours():
+    for name in names(BEHAVIOURS):
         with suppress(PluginError, PydanticInvalidForJsonSchema):  # `artemis plugins` tells what is broken
             plugin = behaviour_class(name)
             own = _schema(plugin.Config, getmodule(plugin.Config), template=f"#/$defs/{name}.{{model}}")
             found["$defs"] |= {f"{name}.{model}": inner for model, inner in own.pop("$defs", {}).items()}
             told = (inspect.getdoc(plugin) or name).partition("\n")[0]
+            if UNTIL in own.get("properties", {}):
+                own["properties"][UNTIL]["format"] = "condition"
             step["properties"][name] = {**own, "description": told}
             del step["properties"][name]["$schema"]
     return found

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
+from artemis.bridges.places import clashing
 from artemis.bridges.poses import INITIAL_POSE
 from artemis.config import Config
 from artemis.errors import ConfigError
 from artemis.mission.actions import PluginUse
 from artemis.mission.injector import FaultInjector, installed_injector
 from artemis.mission.obstacles import Obstacles
-from artemis.mission.order import FOLLOWING
 from artemis.mission.problems import by_position, nearest, problems_from
 from artemis.mission.reading import Configs, Model
 from artemis.mission.schema import InjectedFault, Mission, RecoveryPolicy
@@ -24,6 +24,7 @@ from artemis.mission.surroundings import SurroundingsChecks
 from artemis.plugins.contracts import PluginContext, TakesInitialPose
 from artemis.plugins.stated import allowed, is_pure
 from artemis.progress import OWN_STEPS
+from artemis.states.outcomes import FOLLOWING
 from artemis.states.outline import steps_in
 from artemis.vehicle import RobotFile
 from artemis.yaml_file import Document, KeyPath, read, survey
@@ -57,8 +58,10 @@ class LoadedMission:
     """Content of every file that the mission names, by the name as written there."""
     folder: FilePath
     """Where relative names start."""
+    ignored: tuple[str, ...] = ()
+    """Where the robot may touch what its scanners could see, in words."""
     remarks: tuple[str, ...] = ()
-    """What was changed in a path so that the robot can drive it."""
+    """That, and what was changed in a path so that the robot can drive it."""
     routes: Mapping[int, Route]
     """What is followed by the steps that name a path file, by the step's number."""
     destinations: Mapping[int, Destination]
@@ -147,14 +150,15 @@ class _Loading(SurroundingsChecks):
             self._check_mapping(robot)
         scenery, grid = self._scenery()
         self._check_steps(robot, inputs)
+        self._check_view(robot)
         self._check_initial_poses(inputs)
         self._check_faults(robot, inputs)
         self._check_policies()
         if robot is not None and tried:
-            self._check_inputs(robot)
+            self._check_inputs(robot, mission)
         if mission is not None and tried:
             self._check_record(mission.record)
-        tree = self._tree(mission, robot)
+        tree = self._tree(mission)
         if self._problems or mission is None or robot is None or true_robot is None or tree is None:
             raise ConfigError(sorted(dict.fromkeys(self._problems), key=by_position))
         pose = start_pose(self._data, true_robot, simulated=self._simulated)
@@ -168,7 +172,8 @@ class _Loading(SurroundingsChecks):
             documents=self._documents,
             files=self._files,
             folder=self._folder,
-            remarks=(*self._remarks, *far_starts(self._data["steps"], self._routes, pose)),
+            ignored=tuple(self._ignored),
+            remarks=(*self._ignored, *self._remarks, *far_starts(self._data["steps"], self._routes, pose)),
             routes=self._routes,
             destinations=self._destinations,
             tree=tree,
@@ -218,12 +223,16 @@ class _Loading(SurroundingsChecks):
                 self._plugin("artemis.localizers", *at, "localizer")
         return inputs
 
-    def _check_inputs(self, robot: RobotFile) -> None:
-        """What is wrong in the files of inputs that open nothing, and in keys of which nobody has complained yet."""
+    def _check_inputs(self, robot: RobotFile, mission: Mission | None) -> None:
+        """What is wrong in the files of plugins that open nothing, and in keys of which nobody has complained yet."""
         from artemis.mission.trial import trial
 
+        for at, problem in clashing(self._plugins):
+            self._complain(at, problem)
+        words = b"" if mission is None else mission.model_dump_json(by_alias=True).encode()
+        base = PluginContext(name="", robot=robot, folder=self._folder, files=self._files, mission=words)
         for path, (plugin, config) in self._plugins.items():
-            context = PluginContext(name=str(path[-1]), robot=robot, folder=self._folder, files=self._files)
+            context = replace(base, name=str(path[-1]))
             for key, problem in trial(plugin, config, context) if is_pure(plugin) else ():
                 place = self._document.problem((*path, *key), "")
                 if not key:
@@ -252,8 +261,6 @@ class _Loading(SurroundingsChecks):
                 if words.get("protocol", "epos1") != spoken:
                     text = f"the line leads to {name}, an {first.family}: write protocol: {spoken}"
                     self._complain(("bus", "protocol") if "protocol" in words else ("bus",), text)
-            if not self._simulated:
-                self._remarks.append("bus: a serial line; `artemis run` drives over CAN, or with --simulate")
         elif isinstance(words.get("interface"), str):
             from artemis.devices.can_bus import check_bus_words
 

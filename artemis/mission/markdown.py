@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from artemis.progress import BLOCKED, DONE, NO_PATH, SHORT
-from artemis.states.tree import LOST_FAULTS, TIMEOUT
+from artemis.plugins.registry import BEHAVIOURS, declarations, names
+from artemis.progress import DONE
+from artemis.states.outcomes import ends_words, outcomes
+from artemis.states.tree import TIMEOUT
 
 _ENDS = {
-    "follow": f"`{DONE}`, or `{SHORT}` before it begins, where the battery does not reach; "
-    f"where a `try` names it, `lost`: the faults {', '.join(LOST_FAULTS)}",
-    "goto": f"`{DONE}`, `{BLOCKED}`, `{NO_PATH}` where no route leads, or `{SHORT}`; "
-    "where a `try` names it, `lost`, as `follow`",
     "say": "`done`, at once",
     "repeat": "`done` after the last round; else with what a step within ends with",
     "try": "what its steps end with, if it does not catch that; else with what the branch ends with",
@@ -29,13 +27,12 @@ Schema = Mapping[str, Any]
 def steps_markdown(schema: Schema) -> str:
     """For each step and word what it does, how it may end, and a table of its keys."""
     definitions: Mapping[str, Schema] = schema["$defs"]
-    text = ""
+    behaviours, text = declarations(names(BEHAVIOURS)), ""
     for name, step in definitions["Step"]["properties"].items():
         used = [definitions[key] for key in _references(step)]
         says = step.get("description") or used[0]["description"]
-        rows = [row for each in used for row in _rows(each, "", definitions)]
-        limited = any("at_most_s" in each.get("properties", {}) for each in used)
-        ends = _ENDS.get(name) or f"`{DONE}`" + (f", or `{TIMEOUT}` after `at_most_s`" if limited else "")
+        rows = [row for each in ([step] if name in behaviours else used) for row in _rows(each, "", definitions)]
+        ends = _ENDS.get(name) or f"`{DONE}`{ends_words(outcomes(name, behaviours))}"
         text += f"### `{name}`\n\n{_line(says)} Ends with {ends}.\n\n".replace("Ends with nothing", "Nothing")
         if rows:
             text += "| key | value | default | meaning |\n|---|---|---|---|\n" + "".join(rows) + "\n"

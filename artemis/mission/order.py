@@ -7,21 +7,20 @@ first round of a `repeat` and the first attempt of a `try` decide.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from artemis.plugins.contracts import Declared
-from artemis.progress import BLOCKED, DONE, NO_PATH, SHORT
-from artemis.states.outline import Path, step_of, steps_in
-from artemis.states.tree import ANY, FAULT, LOST, RESTART, RESUME, TIMEOUT
+from artemis.progress import DONE, OWN_STEPS
+from artemis.states.outcomes import StepFacts, outcomes_of
+from artemis.states.outline import Path, keys_of, parts_of, step_of, steps_in
+from artemis.states.tree import ANY, FAULT, LOST, RESTART, RESUME, TIMEOUT, is_fault, names_in
 from artemis.yaml_file import dotted
 
 CALIBRATED, TIME, NEVER = "", "Time", "Never"
 """The wheels are aligned; at least a tick has passed; this is never reached. Beside these the names of the paths that
 are recorded."""
-GOTO = "goto"
-FOLLOWING = ("follow", GOTO)
-"""Artemis' own steps that drive along a path."""
+UNREAD = "?"
+"""The outcome of what cannot be read: it may end with anything."""
 Facts = frozenset[str]
 Ends = dict[str, Facts]
 """By outcome, `done` and `fault` among them: what is done whenever a step, or a word, ends so. The mission's end by
@@ -45,20 +44,25 @@ class Order:
         before: Of each step that can be reached, by its path, what is done before.
         ends: Of each step, word and list of steps, by its path, how it may end.
         unreached: The first step of each list that is never reached.
+        unused: Each `any` for which no outcome is left.
+        unread: Steps that cannot be read: nobody knows what they do.
     """
 
-    def __init__(self, steps: Any, behaviours: Mapping[str, Declared]) -> None:  # noqa: ANN401 (of a file)
-        self._behaviours = behaviours
+    def __init__(self, steps: Any, facts: StepFacts, wrong: Iterable[Path] = ()) -> None:  # noqa: ANN401 (of a file)
+        """`wrong`: where something is wrong in the mission."""
+        self._facts = facts
+        self.unread = set(_unread(steps, facts, wrong))
         self.before: dict[Path, Facts] = {}
         self.ends: dict[Path, Ends] = {}
         self.unreached: list[Path] = []
+        self.unused: list[Path] = []
         self._list(steps, ("steps",), Facts())
 
     def _list(self, steps: Any, path: Path, before: Facts) -> Ends:  # noqa: ANN401 (of a file)
         """One step after the other."""
         ends: Ends = {DONE: before}
         never: list[Path] = []
-        for index, step in enumerate(steps if isinstance(steps, list | tuple) else ()):
+        for index, step in enumerate(parts_of(steps)):
             if not isinstance(step, dict) or not step:
                 continue
             word, body = step_of(step)
@@ -76,10 +80,12 @@ class Order:
         if NEVER not in before:
             self.before[path] = before
         self.ends[path] = ends = self._ends(word, body, path, before)
+        if path in self.unread:
+            ends |= {DONE: ends.get(DONE, before) | {TIME}, UNREAD: before}
         return ends
 
     def _ends(self, word: str, body: Any, path: Path, before: Facts) -> Ends:  # noqa: ANN401 (of a file)
-        keys: Mapping[str, Any] = body if isinstance(body, dict) else {}
+        keys = keys_of(body)
         match word:
             case "say":
                 return {DONE: before}
@@ -102,24 +108,26 @@ class Order:
                     word, body = step_of(step)
                     _join(ends, _but(self._step(word, body, (*path, "beside", index, word), before), DONE))
                 return ends
-        facts, begun = self._behaviours.get(word), before | {TIME}
-        others = [FAULT, *(facts.outcomes if facts else [TIMEOUT] if keys.get("at_most_s") else ())]
-        if word in FOLLOWING or (facts is not None and facts.moves):
-            others += [LOST, BLOCKED, *([NO_PATH] if word == GOTO else []), *([SHORT] if word in FOLLOWING else [])]
+        begun = before | {TIME}
+        others = [FAULT, *(name for name, never in outcomes_of(word, body, self._facts).items() if not never)]
         return {DONE: begun | _gained(word, body), **dict.fromkeys(others, begun)}
 
     def _try(self, keys: Mapping[str, Any], path: Path, before: Facts) -> Ends:
         body = self._list(keys.get("steps"), (*path, "steps"), before)
         others = {name: facts for name, facts in body.items() if name != DONE and not name.startswith("!")}
-        given = keys.get("catch")
-        catch: Mapping[str, Any] = given if isinstance(given, dict) else {}
-        ends = _but(body, *(others if ANY in catch else catch))
-        again = keys.get("again_on")
-        names = again if isinstance(again, list | tuple) else [name for name in others if name not in (FAULT, LOST)]
-        between = self._branch(keys.get("between"), (*path, "between"), _of(others, names), before)
+        catch, again = keys_of(keys.get("catch")), keys.get("again_on")
+        own = [name for name in others if not is_fault(name)]
+        retried = [f"{name}" for name in (own if again is None else parts_of(again))]
+        names = [*own, *filter(is_fault, retried)]
+        rest = [name for name in names if catch.keys().isdisjoint({*names_in(name, [name])} - {ANY})]
+        ends = _but(body, *_of(others, [name for name in catch if ":" not in name]), *(own if ANY in catch else ()))
+        between = self._branch(keys.get("between"), (*path, "between"), _of(others, retried), before)
         _join(ends, _but(between, DONE))
         for name, steps in catch.items():
-            _join(ends, self._branch(steps, (*path, "catch", name), _of(others, [name]), before))
+            after = _of(others, rest if name == ANY else [name])
+            if not after and name == ANY:
+                self.unused.append((*path, "catch", ANY))
+            _join(ends, self._branch(steps, (*path, "catch", name), after, before))
         return ends
 
     def _branch(self, steps: Any, path: Path, after: Ends, before: Facts) -> Ends:  # noqa: ANN401 (of a file)
@@ -146,6 +154,16 @@ class Order:
         return ends
 
 
+def _unread(steps: Any, facts: StepFacts, wrong: Iterable[Path]) -> Iterator[Path]:  # noqa: ANN401 (of a file)
+    """The innermost steps in which something is wrong; behaviours that are not known, and calls of nothing."""
+    paths = {path for path, _, _ in steps_in(steps)}
+    for place in wrong:
+        yield from [place[:end] for end in range(len(place), 0, -1) if place[:end] in paths][:1]
+    for path, word, body in steps_in(steps):
+        if (word == "call" and not keys_of(body).get("steps")) or word not in (*OWN_STEPS, *facts.behaviours):
+            yield path
+
+
 def _gained(word: str, body: Any) -> Facts:  # noqa: ANN401 (of a file)
     """What a step sees to."""
     if word == "calibrate":
@@ -155,8 +173,7 @@ def _gained(word: str, body: Any) -> Facts:  # noqa: ANN401 (of a file)
 
 
 def _mappings(parts: Any) -> Sequence[Mapping[str, Any]]:  # noqa: ANN401 (of a file)
-    found = parts if isinstance(parts, list | tuple) else ()
-    return [part if isinstance(part, dict) and part else {"": None} for part in found]
+    return [part if isinstance(part, dict) and part else {"": None} for part in parts_of(parts)]
 
 
 def _join(ends: Ends, others: Ends) -> None:
@@ -174,9 +191,11 @@ def _but(ends: Ends, *names: str) -> Ends:
 
 
 def _of(ends: Ends, names: Sequence[str]) -> Ends:
-    """Those that a `try` calls by one of these names."""
-    kinds = {FAULT if f"{name}".startswith(f"{FAULT}:") else f"{name}" for name in names}
-    return {name: facts for name, facts in ends.items() if name in kinds or ANY in kinds}
+    """Those that a `try` may call by one of these names."""
+    kinds = {f"{name}".partition(":")[0] for name in names}
+    if FAULT in kinds:
+        kinds.add(LOST)
+    return {name: facts for name, facts in ends.items() if name in kinds}
 
 
 def _condition(steps: Any, path: Path, target: Path) -> str:  # noqa: ANN401 (of a file)

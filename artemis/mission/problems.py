@@ -72,19 +72,26 @@ def describe(value: object) -> str:
 
 def problems_from(error: ValidationError, document: Document, model: type[BaseModel], at: KeyPath = ()) -> list[str]:
     """One line with file, position and key for each error that `model` found in the part of a document at `at`."""
+    return [document.problem(path, text) for path, text in placed(error, document, model, at)]
+
+
+def placed(
+    error: ValidationError, document: Document, model: type[BaseModel], at: KeyPath = ()
+) -> list[tuple[KeyPath, str]]:
+    """The same as key paths and words."""
     found = [(_path(document, (*at, *detail["loc"])), detail) for detail in error.errors(include_url=False)]
     beside: tuple[str, ...] = ("plugin",) if at[-1:] == ("follower",) else ()  # its own keys stand beside its name
     if at[:1] == ("scanners",):  # and a scanner's beside its mounting
         beside = tuple(Mounting.model_fields)
-    problems = []
+    problems: list[tuple[KeyPath, str]] = []
     for path, detail in found:
         if _follows_from_damage(document, path, detail["type"]):
             continue
         reason = detail.get("ctx", {}).get("error")
         if isinstance(reason, Inconsistent):
-            problems += [document.problem((*path, *below), text) for below, text in reason.problems]
+            problems += [((*path, *below), text) for below, text in reason.problems]
         else:
-            problems.append(document.problem(path, _words(detail, model, path[len(at) :], beside)))
+            problems.append((path, _words(detail, model, path[len(at) :], beside)))
     return problems
 
 
@@ -119,6 +126,10 @@ def _words(detail: ErrorDetails, model: type[BaseModel], path: KeyPath, beside: 
     if kind == "extra_forbidden":
         fields = [field for around in _models_around(model, path) for field in around.model_fields.items()]
         known = [*beside, *(field.alias or name for name, field in fields)]
+        if "catch" in known and path[-1] == "on":
+            return (
+                "unknown key; did you mean catch? (readers of YAML 1.1 take the key `on` for true: no key is called so)"
+            )
         return f"unknown key{nearest(str(path[-1]), known, 'known keys')}"
     if kind == "value_error":
         return f"{context['error']}" + (f", found {describe(found)}" if isinstance(found, str) else "")

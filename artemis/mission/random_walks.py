@@ -14,7 +14,7 @@ from artemis.mission.walking import DT, MissionWalk
 from artemis.progress import DONE
 from artemis.states.condition import Compare, Has, comparisons
 from artemis.states.outline import steps_in
-from artemis.states.tree import ANY, FAULT, LOST, LOST_FAULTS, During, Repeat, Try, inside
+from artemis.states.tree import FAULT, LOST, LOST_FAULTS, During, Repeat, Try, inside
 from artemis.yaml_file import KeyPath, dotted
 
 _ROUNDS = 3
@@ -22,7 +22,7 @@ _ROUNDS = 3
 _BACK = 30
 """Where it has ended other than done, a walk goes back by up to so many ticks."""
 _ANY_FAULT = "DRV-25"
-_NAMED = {FAULT: _ANY_FAULT, ANY: _ANY_FAULT, LOST: LOST_FAULTS[0]}
+_NAMED = {FAULT: _ANY_FAULT, LOST: LOST_FAULTS[0]}
 """Faults that are met by a `try` which names one of these."""
 
 
@@ -51,7 +51,7 @@ class RandomWalk(MissionWalk):
         elif self._times and chance < 0.45:
             self.tick(dt=dice.choice(self._times))
         elif passive is None:
-            others = sorted(self.found.outcomes[number] - {DONE})
+            others = sorted(self.found.outcomes[number] - {DONE, LOST})
             self.tick(DONE if not others or dice.random() < 0.6 else dice.choice(others))
         elif passive.answers and dice.random() < 0.8:
             self.tick(answer=dice.choice(passive.answers))
@@ -111,7 +111,7 @@ def never_reached(loaded: LoadedMission, walks: int, seed: int = 0) -> list[str]
 
 def _faults(node: Try) -> Iterator[str]:
     """Faults that it catches, by their ids."""
-    for name in (*(node.again_on or ()), *(name for name, _ in node.catch)):
+    for name in node.keys:
         kind, _, id = name.partition(":")
         if id and kind == FAULT:
             yield id

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
-from functools import cache
+from functools import cache, partial
 from pathlib import Path as FilePath
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -14,12 +14,12 @@ from pydantic import ValidationError
 from artemis.config import Config
 from artemis.errors import ConfigError
 from artemis.mission.actions import FollowerUse, PluginUse
-from artemis.mission.behaviours import installed_behaviours
 from artemis.mission.files import files_like, read_data, read_table
 from artemis.mission.injector import FaultInjector
 from artemis.mission.page import add_page
 from artemis.mission.parts import expanded
-from artemis.mission.problems import nearest, problems_from
+from artemis.mission.problems import nearest, placed
+from artemis.plugins.registry import BEHAVIOURS, names
 from artemis.yaml_file import Data, Document, KeyPath, read, survey
 
 if TYPE_CHECKING:
@@ -36,6 +36,8 @@ class MissionReading:
     def __init__(self, path: FilePath, simulate: bool = False, page: Mapping[str, Any] | None = None) -> None:
         self._folder = path.parent
         self._problems: list[str] = []
+        self._wrong: list[KeyPath] = []
+        """Where the schemas found something wrong in the mission."""
         self._documents: dict[str, Document] = {}
         self._files: dict[str, bytes] = {}
         self._remarks: list[str] = []
@@ -43,9 +45,7 @@ class MissionReading:
         self._destinations: dict[int, Destination] = {}
         self._plugins: dict[KeyPath, tuple[Any, Config]] = {}
         self._injector: FaultInjector | None = None
-        self._installed = cache(installed_behaviours)
-        self._unknown = False
-        """What a behaviour declares is not known: it is broken."""
+        self._installed = cache(partial(names, BEHAVIOURS))
         self._document = self._survey(read(path), str(path))
         document, misfits = expanded(self._document, self._parts_in_files())
         self._document = self._documents[str(path)] = document
@@ -74,7 +74,10 @@ class MissionReading:
         try:
             return model.model_validate(document.data if data is None else data, context=self._installed)
         except ValidationError as error:
-            self._problems += problems_from(error, document, model, at)
+            found = placed(error, document, model, at)
+            self._problems += [document.problem(path, text) for path, text in found]
+            if document is self._document:
+                self._wrong += [path for path, _ in found]
             return None
 
     def _part(self, model: type[Model], *path: str | int) -> Model | None:

@@ -6,12 +6,12 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from artemis.mission.behaviours import declarations
-from artemis.mission.order import FOLLOWING
 from artemis.motion.route import Route
+from artemis.plugins.registry import declarations
 from artemis.plugins.used import localizer_used
 from artemis.states.follow import START_ANGLE, START_DISTANCE
-from artemis.states.outline import numbered, steps_in
+from artemis.states.outcomes import FOLLOWING
+from artemis.states.outline import behaviours_in, numbered, steps_in
 from artemis.values import Pose
 from artemis.yaml_file import dotted
 
@@ -42,7 +42,11 @@ def far_starts(steps: Any, routes: Mapping[int, Route], pose: Pose | None) -> It
         routes: Those known, by the numbers of their steps, in the frame of `pose`.
         pose: The robot's at the start of the run; None: not known.
     """
-    moving = {*FOLLOWING, "teleop", *(name for name, facts in declarations(steps).items() if facts.moves)}
+    moving = {
+        *FOLLOWING,
+        "teleop",
+        *(name for name, facts in declarations(behaviours_in(steps)).items() if facts.moves),
+    }
     numbers = {path: number for number, (path, _, _) in enumerate(numbered(steps))}
     for path, word, body in steps_in(steps):
         if any(name in path for name in _AT_TIMES):

@@ -3,26 +3,30 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from artemis.axles import ByHand
 from artemis.errors import ConfigError
 from artemis.mission.actions import Calibrate, Follow, MeasureSteering, Recorded
-from artemis.mission.behaviours import behaviour_class, declarations
 from artemis.mission.by_hand import Teleop
 from artemis.mission.goto import Goto
 from artemis.mission.goto_checks import GotoChecks
-from artemis.mission.obstacles import Obstacles, check_obstacles
-from artemis.mission.order import CALIBRATED, FOLLOWING, TIME, Facts, Order, why_not
+from artemis.mission.obstacles import Obstacles, check_obstacles, ignored
+from artemis.mission.order import CALIBRATED, TIME, Facts, why_not
 from artemis.mission.problems import nearest
 from artemis.mission.reading import Configs
 from artemis.mission.schema import Mission, Supervision
+from artemis.mission.word_checks import WordChecks
 from artemis.mission.words import Step
 from artemis.plugins.contracts import declared
+from artemis.plugins.registry import behaviour_class, declarations
 from artemis.plugins.stated import STALE, follower_speed, input_speed, stale_limit
-from artemis.states.outline import numbered, steps_in
+from artemis.states.outcomes import step_facts
+from artemis.states.outline import behaviours_in, numbered, steps_in
 from artemis.vehicle import RobotFile
-from artemis.yaml_file import KeyPath
+from artemis.yaml_file import KeyPath, dotted
 
 if TYPE_CHECKING:
     from artemis.mission.tree import MissionTree
@@ -33,49 +37,60 @@ NO_RECORD = "; no step before has `record:`"
 class StepChecks(GotoChecks):
     """Notes what is wrong in the steps."""
 
-    def _tree(self, mission: Mission | None, robot: RobotFile | None) -> MissionTree | None:
-        if mission is None or self._unknown:
+    def __init__(self, path: Path, simulate: bool = False, page: Mapping[str, Any] | None = None) -> None:
+        super().__init__(path, simulate, page)
+        self._stops_for_obstacles = False
+        """In one of them, at least."""
+        self._ignored: list[str] = []
+        """Where the robot may touch obstacles."""
+
+    def _tree(self, mission: Mission | None) -> MissionTree | None:
+        """The tree of a mission; None: something is wrong in it."""
+        if mission is None or self._problems:
             return None
         from artemis.mission.tree import mission_tree
 
-        found = mission_tree(
-            mission,
-            has_battery=robot is None or robot.battery is not None,
-            measured=robot is None or robot.supply_source is not None,
-        )
-        for path, problem in found.problems:
-            self._complain(path, problem)
-        if not (found.steps or self._problems):
+        found = mission_tree(mission, self._checks)
+        if not found.steps:
             self._complain(("steps",), "no step takes time, so there is nothing to do; add one, such as wait")
-        self._remarks += found.remarks
+        self._remarks += self._checks.remarks
         return found
 
     def _check_obstacles(self, at: KeyPath, obstacles: Obstacles | None, robot: RobotFile | None) -> None:
         if obstacles is not None and robot is not None:
             for problem in check_obstacles(obstacles, robot, simulated=self._simulated):
                 self._complain((*at, "obstacles"), problem)
+            if (words := ignored(obstacles, robot)) is not None:
+                self._ignored.append(f"{dotted((*at, 'obstacles'))}: {words}")
 
     def _check_steps(self, robot: RobotFile | None, inputs: Configs) -> None:
         steps = self._data.get("steps")
         given = steps if isinstance(steps, list) else []
-        behaviours = declarations(given)
-        moving = {*FOLLOWING, *(name for name, facts in behaviours.items() if facts.moves)}
-        before = Order(given, behaviours).before
+        facts = step_facts(declarations(behaviours_in(given)), robot)
+        wrong = [*self._wrong, *self._document.damaged]
+        self._checks = WordChecks(given, self._names("inputs"), facts, wrong)
+        for path, problem in self._checks.problems:
+            self._complain(path, problem)
+        before = self._checks.order.before
         for path, word, _ in steps_in(given):
-            if word in moving and CALIBRATED not in before.get(path, [CALIBRATED]):
+            if facts.follows(word) and CALIBRATED not in before.get(path, [CALIBRATED]):
                 why = why_not(given, CALIBRATED, path) or "no step before this one does"
-                self._complain(path, f"calibrate first: {why} (CAL-02)")
+                self._complain(path, f"calibrate first: {why}")
             if word == "stop" and path != ("steps", len(given) - 1, "stop"):
                 self._complain(path, "ends the mission: it can only be the last step")
-        for number, (path, _, _) in enumerate(numbered(given)):
+        usual = self._part(Obstacles, "obstacles") if "obstacles" in self._data else Obstacles()
+        alone = len(list(steps_in(given))) == 1
+        for number, (path, word, _) in enumerate(numbered(given)):
             step = self._part(Step, *path[:-1])
             if step is None:
                 continue
-            if isinstance(step.action, Follow | Goto | Teleop):
-                self._check_obstacles(path, step.action.obstacles, robot)
+            own = step.action.obstacles if isinstance(step.action, Follow | Goto | Teleop) else None
+            self._check_obstacles(path, own, robot)
+            rules = own or usual
+            if (word == "teleop" or facts.follows(word)) and rules is not None and rules.mode == "stop":
+                self._stops_for_obstacles = True
             if isinstance(step.action, Follow) and isinstance(step.action.path, Recorded) and path in before:
                 self._check_recorded(path, step.action.path.recorded, before[path], given)
-            alone = len(list(steps_in(given))) == 1
             self._check_step(number, path, step, robot, inputs, alone=alone)
 
     def _check_step(
@@ -189,7 +204,6 @@ class StepChecks(GotoChecks):
         except ConfigError as error:
             for problem in error.problems:
                 self._complain(at, problem)
-            self._unknown = True
             return
         config = self._options(plugin, at, step.action)
         speed = follower_speed(config)

@@ -8,11 +8,8 @@ from pathlib import Path as FilePath
 from msgspec.structs import replace
 
 from artemis.errors import ConfigError, shown, similar
-from artemis.mission.actions import Recorded
 from artemis.mission.loading import LoadedMission, load_mission
-from artemis.mission.paths import named
-from artemis.mission.tree import MissionTree, signals_of
-from artemis.mission.words import Step
+from artemis.mission.tree import MissionTree
 from artemis.progress import DONE, Acted, MissionEvent, Position, SignalValue
 from artemis.states.advance import MissionFacts, advance
 from artemis.states.condition import SignalKind, Value
@@ -42,7 +39,7 @@ class MissionWalk:
         """At the beginning; `tree` takes the place of the mission's."""
         self.found, self.tree = found, tree or found.tree
         self._told = {name for node in inside(self.tree.root) if isinstance(node, Leaf) for name in node.signals}
-        self.words = {dotted(path): described(step) for path, step in found.steps}
+        self.words = {dotted(path): name for (path, _), name in zip(found.steps, found.names, strict=True)}
         self.position = Position()
         self.signals: dict[str, Value] = {"run_s": 0.0, "driven_m": 0.0}
         self.places = [dotted(found.steps[0][0])] if self.tree.is_list else []
@@ -72,7 +69,7 @@ class MissionWalk:
     @property
     def at(self) -> str:
         """The step that runs now, in words; empty: the mission has ended."""
-        return "" if self.is_over else described(self.found.steps[self.position.step][1])
+        return "" if self.is_over else self.found.names[self.position.step]
 
     @property
     def ended(self) -> str:
@@ -82,16 +79,20 @@ class MissionWalk:
     def tick(
         self, outcome: str = "", *, dt: float = DT, fault: str = "", answer: str = "", pressed: Sequence[str] = ()
     ) -> None:
-        """One tick in which the robot stands: what happened to the present step, and which signals are true in it."""
+        """One tick: what happened to the present step, and which signals are true in it.
+
+        The robot stands; a step that calibrates is finished before anything else is begun, as on the robot.
+        """
         self.signals["run_s"] = float(self.signals["run_s"]) + dt
         told = tuple(
             SignalValue(name=n, value=float(self.signals.pop(n))) for n in sorted(self._told & self.signals.keys())
         )
-        position = replace(self.position, fault=fault) if fault else self.position
+        position = replace(self.position, faults=(fault,)) if fault else self.position
         waits = not self.is_over and self.found.passive[position.step] is not None
         facts = MissionFacts(
             signals={**self.signals, **dict.fromkeys(pressed, True)},
             dt=dt,
+            standing=bool(fault) or self.is_over or self.found.steps[position.step][1].calibrate is None,
             done=position.done + dt if waits else None,
             outcome=outcome,
             answers=(answer,) if answer else (),
@@ -116,21 +117,21 @@ def walk(mission: str | FilePath | LoadedMission, *happenings: Happening) -> Mis
         ConfigError: the mission is wrong; or something cannot happen where it is.
     """
     loaded = mission if isinstance(mission, LoadedMission) else load_mission(FilePath(mission))
-    made, declared = MissionWalk(loaded.tree), signals_of(loaded.mission)
+    made = MissionWalk(loaded.tree)
     for number, happening in enumerate(happenings, start=1):
         try:
-            _happen(made, happening, declared)
+            _happen(made, happening)
         except ConfigError as error:
             raise ConfigError(f"walk: {shown(happening)}, number {number}: {error}") from None
     return made
 
 
-def _happen(made: MissionWalk, happening: Happening, declared: Mapping[str, SignalKind]) -> None:
+def _happen(made: MissionWalk, happening: Happening) -> None:
     if made.is_over:
         raise ConfigError(f"the mission has ended before, with {made.ended}")
     if isinstance(happening, Mapping):
         for name, value in happening.items():
-            _check_signal(name, value, declared)
+            _check_signal(name, value, made.found.declared)
         pressed = [name for name, value in happening.items() if value is True]
         made.signals.update({name: value for name, value in happening.items() if value is not True})
         made.tick(pressed=pressed)
@@ -154,12 +155,12 @@ def _check_signal(name: str, value: Value, declared: Mapping[str, SignalKind]) -
 
 def _end_step(made: MissionWalk, outcome: str) -> None:
     number = made.position.step
-    passive, step = made.found.passive[number], made.found.steps[number][1]
+    passive, ends = made.found.passive[number], made.found.outcomes[number]
     limit = passive.at_most if passive is not None else None
     kind, _, id = outcome.partition(":")
     if kind == FAULT and id in ROWS:
         made.tick(fault=id)
-    elif outcome == LOST and (step.follow or step.goto) is not None:
+    elif outcome == LOST and LOST in ends:
         made.tick(fault=LOST_FAULTS[0])
     elif passive is not None and outcome in passive.answers:
         made.tick(answer=outcome)
@@ -167,7 +168,7 @@ def _end_step(made: MissionWalk, outcome: str) -> None:
         made.tick(dt=passive.seconds - made.position.done)
     elif outcome == TIMEOUT and limit is not None:
         made.tick(dt=limit - made.position.done)
-    elif outcome in made.found.outcomes[number] and not (passive is not None and passive.answers):
+    elif outcome in ends and not (passive is not None and passive.answers):
         made.tick(outcome)
     else:
         raise _impossible(made, outcome)
@@ -175,25 +176,10 @@ def _end_step(made: MissionWalk, outcome: str) -> None:
 
 def _impossible(made: MissionWalk, outcome: str) -> ConfigError:
     number = made.position.step
-    passive, step = made.found.passive[number], made.found.steps[number][1]
+    passive = made.found.passive[number]
     kind, _, id = outcome.partition(":")
-    if kind == FAULT:
+    if kind == FAULT and id:
         return ConfigError(f"no fault {id!r} in the fault table; {similar(id, list(ROWS)).partition(',')[0]}")
     answers = passive.answers if passive is not None else ()
-    ends = sorted(made.found.outcomes[number] - ({DONE} if answers else set()))
-    names = [*answers, *ends, *([LOST] if (step.follow or step.goto) is not None else []), f"{FAULT}:ID"]
+    names = [*answers, *sorted(made.found.outcomes[number] - ({DONE} if answers else set())), f"{FAULT}:ID"]
     return ConfigError(f"the step '{made.at}' does not end so; {similar(outcome, names)}")
-
-
-def described(step: Step) -> str:
-    """A step in a few words."""
-    if step.follow is not None:
-        path = step.follow.path
-        return f"follow {path.recorded if isinstance(path, Recorded) else named(step.follow)}"
-    if step.goto is not None:
-        return f"goto {step.goto.place}"
-    if step.wait is not None:
-        return f"wait {step.wait.seconds:g} s" if step.wait.seconds is not None else f"wait for {step.wait.for_}"
-    if step.ask is not None:
-        return f"ask {step.ask.question}"
-    return f"teleop {step.teleop.input}" if step.teleop is not None else step.word

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from functools import partial
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, ValidationInfo, model_validator
@@ -20,11 +21,11 @@ from artemis.mission.actions import (
     Text,
     Wait,
 )
-from artemis.mission.behaviours import installed_behaviours
 from artemis.mission.by_hand import Teleop
 from artemis.mission.goto import Goto
 from artemis.mission.keys import Positive, check_one_key
 from artemis.mission.problems import describe, nearest
+from artemis.plugins.registry import BEHAVIOURS, names
 from artemis.yaml_file import KeyPath
 
 Steps = Annotated[tuple["Step", ...], *A_LIST]
@@ -54,7 +55,8 @@ class TryWord(Config):
     between: Steps | None = None
     """Done before each retry."""
     catch: dict[Outcome, Steps] = Field(default_factory=dict)
-    """By outcome, what is done then; `any`: whatever is left. An outcome that nobody catches ends the mission."""
+    """By outcome, what is done then; `any`: the rest, but of faults only those that `again_on` names. An outcome that
+    no `try` catches ends the mission."""
 
     @model_validator(mode="after")
     def _something(self) -> Self:
@@ -198,7 +200,7 @@ class Step(Config):
 
     @model_validator(mode="after")
     def _one_key(self, info: ValidationInfo) -> Self:
-        self._check_behaviours(info.context or installed_behaviours)
+        self._check_behaviours(info.context or partial(names, BEHAVIOURS))
         check_one_key(self, "a step")
         return self
 

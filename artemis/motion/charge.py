@@ -1,9 +1,14 @@
 """How full the battery is, by a Kalman filter of what was taken of it and of its voltage; and how far that reaches.
 
-Its state is the charge, and what the robot truly takes as a multiple of what the model says (the robot file's
-`idle_w`, and force times speed of the driven wheels by their currents). A battery is a voltage that rises with the
-charge behind a resistance (Plett 2004, "Extended Kalman filtering for battery management systems", part 2, the simple
-model, doi 10.1016/j.jpowsour.2004.02.032).
+Its state is the charge, and three numbers by which the robot file is wrong: what is taken all the time (`idle_w`), what
+the driven wheels take (force times speed, by their motors' currents), both as shares of a capacity that may be wrong
+too, and the resistance. A battery is a voltage that rises with the charge behind a resistance (Plett 2004, "Extended
+Kalman filtering for battery management systems", part 2, the simple model, doi 10.1016/j.jpowsour.2004.02.032; part 3
+for parameters in the state).
+
+What is learnt of each: the voltage falls as the charge is taken, which tells power by capacity; where driving and
+standing take turns, also of each alone; and it sags by what the wheels take, which tells the resistance. No voltage
+tells power and capacity apart: the range needs neither, watts and joules are those of the robot file's capacity.
 """
 
 from __future__ import annotations
@@ -16,18 +21,23 @@ from artemis.motion.totals import smoothed, total
 from artemis.values import DriveFeedback
 from artemis.vehicle import RobotFile
 
-FIRST_SCALE = 0.15
-"""Standard deviation of what the robot truly takes, as a share of the model's."""
+OF_IDLE, OF_FORCE, OF_CAPACITY, OF_RESISTANCE = 0.15, 0.15, 0.15, 0.25
+"""Standard deviations of these numbers of the robot file, as shares of them."""
 DRIFT = 0.02
-"""How much that changes in an hour of driving, a standard deviation."""
+"""How much they change in an hour of driving, likewise."""
 CURVE = 0.1
 """The curve of the robot file is that uncertain [V]: an error that no number of measurements averages away."""
-NOISE, EVERY = 0.06, 5.0
-"""One measured voltage, of the mean of so long [s], says so much [V]: loads, and the battery's own slow recovery."""
+NOISE, EVERY = 0.05, 5.0
+"""One measured voltage, the mean of so long [s], says so much [V]: its steps, and the battery's own slow recovery."""
 UNDER_LOAD = 2.0
 """The voltage that is told, and that shows a low battery, is a mean of so long [s]: a start takes more for less."""
-RECENT_M, RECENT_S = 100.0, 120.0
-"""What a metre takes is learned over so long a distance [m]; the mean power over so long a time [s]."""
+FIRST_M, RECENT_M, RECENT_S = 20.0, 100.0, 120.0
+"""What a metre takes is the mean of the robot file's, which counts as so much way [m], and of what was driven, of both
+at most the second [m]; the mean power is of so long a time [s]."""
+CHARGE, IDLE, FORCE, OHM = range(4)
+"""Places in the state."""
+
+Row = list[float]
 
 
 class ChargeEstimate:
@@ -35,84 +45,136 @@ class ChargeEstimate:
 
     def __init__(self, battery: Battery, robot: RobotFile) -> None:
         """Begin; the battery is that of the robot."""
-        self._battery, force = battery, battery.newtons_per_ampere
-        self._forces = {
-            name: -force if drive.mirrored else force
-            for name, drive in robot.drives.items()
-            if drive.role == "traction"
-        }
+        self._battery, self._forces = battery, forces_of(robot, battery)
         self._least_per_metre = max(battery.idle_w / robot.limits.speed_m_s, 1e-3)
         """At the robot's highest speed, driven by nothing [J/m]: what drives feed back on a slope does not last."""
         self._coulombs = HOUR * battery.capacity_ah
-        self._charge, self._scale = -1.0, 1.0
-        self._var, self._mixed, self._scale_var = 0.0, 0.0, FIRST_SCALE**2
-        self._under_load = 0.0
-        self._joules, self._per_metre, self._watts = 0.0, battery.joules_per_metre, battery.idle_w
-        self._seen, self._sum = 0.0, 0.0
+        self._begun = False
+        self._state: Row = [0.0, 1.0, 1.0, 1.0]
+        """The charge, 0 to 1, and the others as multiples of the robot file's."""
+        both = (
+            OF_CAPACITY**2
+        )  # a smaller capacity is a larger share for the same power, and less drop for the same share
+        self._var: list[Row] = [
+            [0.0, 0.0, 0.0, 0.0],
+            [0.0, OF_IDLE**2 + both, both, -both],
+            [0.0, both, OF_FORCE**2 + both, -both],
+            [0.0, -both, -both, OF_RESISTANCE**2 + both],
+        ]
+        usual = 0.5 * robot.limits.speed_m_s
+        self._idle_per_metre = min(battery.idle_w / usual, 0.5 * battery.joules_per_metre)
+        self._drive_per_metre = battery.joules_per_metre - self._idle_per_metre
+        """Of the last metres, both as the robot file has them [J/m]."""
+        self._way = FIRST_M
+        self._under_load = self._joules = self._drive_watts = 0.0
+        self._seconds = self._volts = self._idle_share = self._drive_share = 0.0
+        """Since the last correction: time, voltage times time, shares of the capacity as the robot file has it."""
 
-    def update(self, volts: float, drives: Iterable[DriveFeedback], speed: float, dt: float) -> BatteryState:
-        """The state after `dt` [s] at a supply voltage [V] and a speed [m/s, either way]."""
+    def update(self, volts: float, drives: Iterable[DriveFeedback], driven: float, dt: float) -> BatteryState:
+        """The state after `dt` [s] at a supply voltage [V], in which the rear axle's centre rolled `driven` [m].
+
+        Either way counts as forwards.
+        """
         battery, volts = self._battery, max(volts, 1.0)
-        modelled = battery.idle_w + taken(drives, self._forces)
-        watts, amperes = self._scale * modelled, modelled / volts
-        if self._charge < 0.0:
-            self._charge = battery.charge_at(volts + battery.resistance_ohm * amperes)
-            self._under_load = volts
-            _, slope = battery.voltage_at(self._charge)
-            self._var = (NOISE / slope) ** 2
-        self._predict(amperes * dt / self._coulombs, dt)
-        self._joules += watts * dt
-        self._watts = smoothed(self._watts, modelled, dt, RECENT_S)
+        drive = taken(drives, self._forces)
+        if not self._begun:
+            self._begin(volts, drive)
+        idle_share, drive_share = (watts * dt / (volts * self._coulombs) for watts in (battery.idle_w, drive))
+        self._take(idle_share, drive_share)
+        self._joules += self._scaled(battery.idle_w, drive) * dt
+        self._drive_watts = smoothed(self._drive_watts, drive, dt, RECENT_S)
         self._under_load = smoothed(self._under_load, volts, dt, UNDER_LOAD)
-        driven = abs(speed) * dt
         if driven > 0.0:
-            self._per_metre += (modelled * dt - self._per_metre * driven) / RECENT_M
-        self._take(volts, amperes, dt)
-        return self._state(volts, watts)
+            self._way = min(self._way + driven, RECENT_M)
+            self._idle_per_metre += (battery.idle_w * dt - self._idle_per_metre * driven) / self._way
+            self._drive_per_metre += (drive * dt - self._drive_per_metre * driven) / self._way
+        self._seconds += dt
+        self._volts += volts * dt
+        self._idle_share += idle_share
+        self._drive_share += drive_share
+        if self._seconds >= EVERY:
+            self._correct()
+        return self._told(volts, drive)
 
-    def _predict(self, used: float, dt: float) -> None:
-        """Take a share of the capacity, as the model says it."""
-        self._charge = min(max(self._charge - self._scale * used, 0.0), 1.0)
-        self._var += used * used * self._scale_var - 2.0 * used * self._mixed
-        self._mixed -= used * self._scale_var
-        self._scale_var += DRIFT * DRIFT * dt / HOUR
-
-    def _take(self, volts: float, amperes: float, dt: float) -> None:
-        """Use the mean of a few seconds of what the battery would show without its load."""
-        self._sum += (volts + self._scale * amperes * self._battery.resistance_ohm) * dt
-        self._seen += dt
-        if self._seen < EVERY:
-            return
-        mean, self._sum, self._seen = self._sum / self._seen, 0.0, 0.0
-        expected, slope = self._battery.voltage_at(self._charge)
-        spread = slope * slope * self._var + NOISE * NOISE
-        gain, gain_scale = slope * self._var / spread, slope * self._mixed / spread
-        off = mean - expected
-        self._charge = min(max(self._charge + gain * off, 0.0), 1.0)
-        self._scale = min(max(self._scale + gain_scale * off, 0.3), 3.0)
-        self._scale_var -= gain_scale * slope * self._mixed
-        self._var, self._mixed = self._var * (1.0 - gain * slope), self._mixed * (1.0 - gain * slope)
-
-    def _state(self, volts: float, watts: float) -> BatteryState:
+    def _begin(self, volts: float, drive: float) -> None:
         battery = self._battery
+        self._begun, self._under_load, self._drive_watts = True, volts, drive
+        self._state[CHARGE] = battery.charge_at(volts + battery.resistance_ohm * (battery.idle_w + drive) / volts)
+        _, slope = battery.voltage_at(self._state[CHARGE])
+        self._var[CHARGE][CHARGE] = (CURVE / slope) ** 2
+
+    def _scaled(self, idle: float, drive: float) -> float:
+        """What is taken truly where the robot file says so much of each."""
+        return self._state[IDLE] * idle + self._state[FORCE] * drive
+
+    def _take(self, idle_share: float, drive_share: float) -> None:
+        self._state[CHARGE] = min(max(self._state[CHARGE] - self._scaled(idle_share, drive_share), 0.0), 1.0)
+
+    def _correct(self) -> None:
+        """Use the mean voltage of a few seconds: what is off of it changes the state as it is uncertain."""
+        battery, state, seconds = self._battery, self._state, self._seconds
+        idle_share, drive_share = self._idle_share, self._drive_share
+        self._spread(idle_share, drive_share, seconds)
+        middle = state[CHARGE] + 0.5 * self._scaled(idle_share, drive_share)
+        rest, slope = battery.voltage_at(middle)
+        ohms = battery.resistance_ohm * self._coulombs / seconds  # volts for a share
+        drop = ohms * self._scaled(idle_share, drive_share)
+        moves = [slope, -state[OHM] * ohms * idle_share, -state[OHM] * ohms * drive_share, -drop]
+        off = self._volts / seconds - (rest - state[OHM] * drop)
+        towards = [total(a * b for a, b in zip(row, moves, strict=True)) for row in self._var]
+        spread = total(a * b for a, b in zip(moves, towards, strict=True)) + NOISE**2
+        for row, (place, reached) in zip(self._var, enumerate(towards), strict=True):
+            state[place] += reached / spread * off
+            for column, other in enumerate(towards):
+                row[column] -= reached * other / spread
+        state[CHARGE] = min(max(state[CHARGE], 0.0), 1.0)
+        state[1:] = [min(max(multiple, 0.3), 3.0) for multiple in state[1:]]
+        self._seconds = self._volts = self._idle_share = self._drive_share = 0.0
+
+    def _spread(self, idle_share: float, drive_share: float, seconds: float) -> None:
+        """The charge becomes as uncertain as what was taken; what the robot file says drifts."""
+        var = self._var
+        for place in range(4):
+            var[CHARGE][place] -= idle_share * var[IDLE][place] + drive_share * var[FORCE][place]
+        for place in range(4):
+            var[place][CHARGE] -= idle_share * var[place][IDLE] + drive_share * var[place][FORCE]
+        for place in (IDLE, FORCE, OHM):
+            var[place][place] += DRIFT * DRIFT * seconds / HOUR
+
+    def _told(self, volts: float, drive: float) -> BatteryState:
+        battery, charge, var = self._battery, self._state[CHARGE], self._var
         reserve = battery.reserve_percent / 100.0
-        usable = max(self._charge - reserve, 0.0)
+        usable = max(charge - reserve, 0.0)
         middle, _ = battery.voltage_at(reserve + usable / 2.0)
+        middle -= self._state[OHM] * battery.resistance_ohm * self._scaled(battery.idle_w, self._drive_watts) / volts
         joules = usable * self._coulombs * middle
-        _, slope = battery.voltage_at(self._charge)
-        std = sqrt(max(self._var, 0.0) + (CURVE / slope) ** 2)
-        all_of_it = self._coulombs * middle / (self._scale * max(self._per_metre, self._least_per_metre))
-        reach = usable * all_of_it
+        idle, force = self._idle_per_metre, self._drive_per_metre
+        per_metre = max(self._scaled(idle, force), self._state[IDLE] * self._least_per_metre)
+        all_of_it = self._coulombs * middle / per_metre
+        _, slope = battery.voltage_at(charge)
+        of_charge = max(var[CHARGE][CHARGE], 0.0) + (CURVE / slope) ** 2
+        of_both = (idle * var[CHARGE][IDLE] + force * var[CHARGE][FORCE]) / per_metre
+        of_way = (
+            idle * idle * var[IDLE][IDLE] + 2.0 * idle * force * var[IDLE][FORCE] + force * force * var[FORCE][FORCE]
+        ) / (per_metre * per_metre)
         return BatteryState(
             volts=self._under_load,
-            charge=self._charge,
-            charge_std=std,
-            watts=watts,
+            charge=charge,
+            charge_std=sqrt(of_charge),
+            watts=self._scaled(battery.idle_w, drive),
             joules=self._joules,
-            range_m=reach,
-            range_std_m=sqrt((std * all_of_it) ** 2 + reach * reach * self._scale_var),
-            time_left_s=joules / max(self._scale * self._watts, 1e-3),
+            range_m=usable * all_of_it,
+            range_std_m=all_of_it * sqrt(max(of_charge - 2.0 * usable * of_both + usable * usable * of_way, 0.0)),
+            time_left_s=joules / max(self._scaled(battery.idle_w, self._drive_watts), 1e-3),
         )
+
+
+def forces_of(robot: RobotFile, battery: Battery) -> dict[str, float]:
+    """Of each driven wheel per ampere of its motor's current [N/A], by the names of their drives."""
+    force = battery.newtons_per_ampere
+    return {
+        name: -force if drive.mirrored else force for name, drive in robot.drives.items() if drive.role == "traction"
+    }
 
 
 def taken(drives: Iterable[DriveFeedback], forces: Mapping[str, float]) -> float:

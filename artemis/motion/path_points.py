@@ -17,9 +17,10 @@ MIN_STEP = 0.001
 """Points closer to the one before [m] are standstill or duplicates."""
 MAX_GAP = 1.0
 WAYPOINTS = (
-    ": waypoints are joined by `artemis path import`, or by straight lines in the mission: path: {waypoints: [[0, 0], "
-    "[3, 0]]}"
+    ": waypoints are joined by `artemis path import`, or by straight lines in the mission: path: {{waypoints: [{}]}}"
 )
+WAYPOINTS_SHOWN = 8
+"""At most, in that message."""
 MAX_LENGTH = 20_000.0
 """Longer paths [m] are a mistake of units, and would fill the memory with samples."""
 MAX_SPEED = 20.0
@@ -138,8 +139,14 @@ def _check_points(points: Points) -> None:
     waypoints = bool(wide) and bool(np.median(gaps) > MAX_GAP)
     for index in wide[:1] if waypoints else wide:
         problem = f"{gaps[index]:.2f} m from the point before; expected at most {MAX_GAP:g} m"
-        points.report(index + 1, problem + (WAYPOINTS if waypoints else ""))
+        points.report(index + 1, problem + (WAYPOINTS.format(_shown(points)) if waypoints else ""))
     if points.speed is not None:
         for index in np.flatnonzero((points.speed <= 0) | (points.speed > MAX_SPEED)).tolist():
             bound = "more than 0" if points.speed[index] <= 0 else f"at most {MAX_SPEED:g}"
             points.report(index, f"speed: expected {bound} m/s, found {points.speed[index]:g}", "speed")
+
+
+def _shown(points: Points) -> str:
+    """The points as a mission has them, the first ones of many."""
+    found = [f"[{x:g}, {y:g}]" for x, y in zip(points.x.tolist(), points.y.tolist(), strict=True)]
+    return ", ".join([*found[:WAYPOINTS_SHOWN], *["..."] * (len(found) > WAYPOINTS_SHOWN)])

@@ -91,7 +91,7 @@ class Perception:
 
     def perceive(self, sensed: Sensed, verdict: Verdict, last: SetPoints) -> Snapshot:
         """The snapshot of this tick. An urgent tick has dt = 0: its feedback is the last scheduled one's."""
-        dt = 0.0
+        dt, driven = 0.0, self._odometry.driven
         left, right, steer_left, steer_right = self._by_place(sensed.drives)
         if sensed.results and any(result.kind is JobKind.REFERENCE for result in sensed.results):
             self._odometer.forget_angles()
@@ -111,7 +111,8 @@ class Perception:
             while len(self._rolled) > 2 and self._rolled[1][0] <= sensed.time - STANDING_TIME:
                 self._rolled.popleft()
         if self._charge and sensed.battery_v is not None and not sensed.urgent:
-            self._battery = self._charge.update(sensed.battery_v, sensed.drives, self._odometry.speed, dt)
+            driven = self._odometry.driven - driven
+            self._battery = self._charge.update(sensed.battery_v, sensed.drives, driven, dt)
         standing = self._stands(left, right)
         if left.frames and right.frames and not sensed.urgent:
             self._stood = (left.position, right.position) if standing else (inf, inf)

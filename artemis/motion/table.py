@@ -20,6 +20,9 @@ Layout = Callable[[Sequence[Sequence[float]]], "tuple[str, ...] | str"]
 """Columns without names -> their names here, or why nobody can know them."""
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
 _DECIMAL_COMMAS = re.compile(rf"\s*{_DECIMAL_COMMA.pattern}(?:[ \t]+{_DECIMAL_COMMA.pattern})+\s*")
+_COMMA_IN_NUMBER = re.compile(r"(?:^|,)\s*[-+]?\d+,\d+\s*(?:,|$)")
+"""Two neighbouring cells that may be one number with a decimal comma."""
+_QUOTED = re.compile(r'"[^"]*"')
 
 
 def raise_first(problems: Sequence[str], source: str) -> None:
@@ -158,7 +161,15 @@ class Table:
             self._problems.append((number, 1, f"expected the columns {', '.join(required)}; no {', '.join(missing)}"))
 
     def _split(self, line: str) -> list[str]:
-        return [cell.strip().strip('"').strip() for cell in line.split(self._separator)]
+        return [cell.strip().strip('"').strip() for cell in self._raw_cells(line)]
+
+    def _raw_cells(self, line: str) -> list[str]:
+        """As they are written; a separator in quotes separates nothing."""
+        mark = self._separator
+        if mark is None or '"' not in line:
+            return line.split(mark)
+        marked = _QUOTED.sub(lambda quoted: quoted[0].replace(mark, "\0"), line)
+        return [cell.replace("\0", mark) for cell in marked.split(mark)]
 
     def _commented_header(self, number: int, count: int) -> tuple[int, list[str]] | None:
         """The names in the comment above the first row, and its line, if each of them is known."""
@@ -206,9 +217,9 @@ class Table:
         count = len(self.header) or len(self.columns)
         if len(cells) != count:
             problem = f"expected {count} columns ({', '.join(self.columns)}), found {len(cells)}"
-            twice = self._separator == "," and len(cells) == 2 * count
+            decimal = self._separator == "," and count < len(cells) <= 2 * count and _COMMA_IN_NUMBER.search(line)
             hint = "a comma separates columns: write a point in a number, or semicolons between columns"
-            self._complain(number, min(len(cells), count + 1) - 1, problem, hint if twice else "")
+            self._complain(number, min(len(cells), count + 1) - 1, problem, hint if decimal else "")
             return
         values = [_number(cells[index]) for index in self._cells]
         numbers = [value for value in values if value is not None and math.isfinite(value)]
@@ -238,7 +249,7 @@ class Table:
         if self._separator is None:
             starts = [match.start() for match in re.finditer(r"\S+", text)]
             return starts[cell] + 1 if cell < len(starts) else 1
-        before = self._separator.join(text.split(self._separator)[:cell])
+        before = self._separator.join(self._raw_cells(text)[:cell])
         start = len(before) + (1 if cell else 0)
         rest = text[start:]
         return start + len(rest) - len(rest.lstrip()) + 1

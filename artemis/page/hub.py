@@ -41,6 +41,8 @@ class Hub:
         self.seen_at = self._loop.time()
         """When the newest state came."""
         self.parts: dict[str, tuple[int, bytes]] = {}
+        self.news = asyncio.Event()
+        """Set when anything is new for browsers; another one takes its place."""
         self.log: deque[tuple[int, bytes]] = deque(maxlen=KEPT_LOG)
         self.trail: Callable[[], bytes] = lambda: b"[]"
         self.history: Callable[[], bytes] = lambda: b"[]"
@@ -91,6 +93,7 @@ class Hub:
             self._lines += 1
             self.log.append((self._lines, line))
         self.over = self.over or bool(update.get("over"))
+        self._wake()
 
     def connected(self, who: str, send: Send) -> PageSession:
         """A browser's way of commands."""
@@ -135,6 +138,11 @@ class Hub:
 
     def _put_part(self, name: str, content: bytes) -> None:
         self.parts[name] = self.parts.get(name, (0, b""))[0] + 1, content
+        self._wake()
+
+    def _wake(self) -> None:
+        news, self.news = self.news, asyncio.Event()
+        news.set()
 
     # ------------------------------------------------------------------------------------------ zones
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import os
+from collections.abc import Sequence
 from importlib.util import find_spec
 from ipaddress import ip_address
+from math import inf
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
 
@@ -16,6 +18,7 @@ from artemis.bridges.addresses import ListenAddress, bound
 from artemis.bridges.complaints import Complaints
 from artemis.bridges.loop_thread import LoopThread
 from artemis.bridges.operator.server import tls_context
+from artemis.bridges.places import TakenPlace, port_place
 from artemis.clock import stopwatch
 from artemis.config import Config
 from artemis.devices.can_bus import Traffic
@@ -29,8 +32,8 @@ from artemis.values import Tick
 INSTALL = "pip install 'artemis-robot[web]'"
 PORT = 8480
 """In no list of well-known ports."""
-STATES_EVERY = 0.045
-"""Between two states that are made [s]: with ticks at 50 Hz every third, at most 20 in a second."""
+STATES_EVERY = 0.05
+"""From state to state on average [s]; each is made of the first tick after it is due."""
 _JSON = msgspec.json.Encoder().encode
 
 
@@ -56,6 +59,10 @@ class PageObserverConfig(Config):
     """The name of the mission's input with `plugin: page` that is given what operators want."""
     started_by_page: bool = False
     """`artemis page` started the run; it holds the port, too, and answers there before and after."""
+
+    def places(self, name: str) -> Sequence[TakenPlace]:
+        """Its port."""
+        return port_place(self.listen, self.port)
 
     @model_validator(mode="after")
     def _encrypted(self) -> Self:
@@ -122,7 +129,7 @@ class PageObserver:
         self._view = PageView(context.robot, mission, context.routes, context.map, config.input)
         self._complaints = Complaints(context.name, "browser")
         self._known: dict[str, int] = {}
-        self._shown = -STATES_EVERY
+        self._due = -inf
         self._closed = False
         self._thread: _ServerThread | None = None
         if context.run is not None:  # not where a mission is only checked
@@ -137,9 +144,9 @@ class PageObserver:
             return
         view.see(tick, traffic, now)
         time = stopwatch()
-        if time - self._shown < STATES_EVERY and not tick.wish.finished:
+        if time < self._due and not tick.wish.finished:
             return
-        self._shown = time
+        self._due = max(self._due + STATES_EVERY, time)
         update: dict[str, Any] = {"state": _JSON(view.state(tick)), "over": tick.wish.finished}
         new = {name: part for name, part in view.parts.items() if self._known.get(name) != part[0]}
         if new:
@@ -192,7 +199,7 @@ class _ServerThread(LoopThread):
 
     def put(self, update: dict[str, Any]) -> None:
         """Tell browsers. Never waits."""
-        self._soon(self._put, update)
+        self.hand_over(self._put, update)
 
     def _put(self, update: dict[str, Any]) -> None:
         if self._hub is not None:

@@ -10,16 +10,13 @@ from pathlib import Path
 
 import msgspec
 
-from artemis.clock import wall_date
 from artemis.errors import RecordingError
-from artemis.recording.journal import Entry, JournalContent, read_journal
+from artemis.recording.journal import Entry, JournalContent, is_under_way, read_journal
 from artemis.recording.mcap_file import MAGIC
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.run_folder import RunFolder
 from artemis.values import Tick
 
-ALIVE = 5.0
-"""A run whose journal was written within this time goes on [s]: it says every second that it does."""
 MOST_FAULTS = 30
 """Different faults of a run that a list names."""
 REPLAY = "replay"
@@ -103,7 +100,7 @@ def facts_of(folder: Path) -> RunFacts:
     entries: Sequence[Entry] = journal.entries if journal is not None else ()
     begun = entries[0].data if entries and entries[0].kind == "start" else {}
     ended = [entry for entry in entries if entry.kind == "end"]
-    alive = not ended and _is_alive(run.journal)
+    alive = not ended and is_under_way(run.journal)
     driven = ended[-1].data.get("driven_m") if ended else None
     problems = [journal.missing] if journal is not None and journal.missing else []
     outcome, duration = ended[-1].text if ended else "", entries[-1].time if entries else 0.0
@@ -139,13 +136,6 @@ def _journal(file: Path) -> JournalContent | None:
         return read_journal(file)
     except RecordingError:
         return None
-
-
-def _is_alive(journal: Path) -> bool:
-    try:
-        return wall_date().timestamp() - journal.stat().st_mtime < ALIVE
-    except OSError:
-        return False
 
 
 def _is_whole(recording: Path) -> bool:

@@ -26,11 +26,11 @@ from artemis.recording.mcap_reader import Recording
 from artemis.recording.schemas import TickRecord
 from artemis.report.cross_track import routes_of
 from artemis.report.known_map import known_map, made_map
-from artemis.report.mission_boxes import name_of
 from artemis.states.outline import numbered
+from artemis.states.step_names import name_of
 from artemis.values import LocatedPose, Pose
 
-FORM = 1
+FORM = 2
 """Of these files; those of another number are made again."""
 EVERY, MOST_STATES = 0.1, 150_000
 """Between two states [s]; in a run with more of them they are further apart."""
@@ -87,6 +87,10 @@ def _put(file: Path, content: Any) -> None:  # noqa: ANN401 (JSON)
     part.replace(file)
 
 
+MOMENTS = ("fault", "mode", "mission")
+"""Kinds of entries whose ticks are shown in any case."""
+
+
 class _Writer:
     """Sees those ticks of a recording that are shown."""
 
@@ -108,7 +112,7 @@ class _Writer:
         self._steps: list[tuple[float, int]] = []
         self._way = _Way()
         self._entries = recording.events()
-        self._moments = sorted((entry.time for entry in self._entries if entry.kind in ("fault", "mode")), reverse=True)
+        self._moments = sorted((entry.time for entry in self._entries if entry.kind in MOMENTS), reverse=True)
         self._has_map = False
 
     def write(self) -> None:
@@ -151,7 +155,7 @@ class _Writer:
         return self._names[step] if 0 <= step < len(self._names) else ""
 
     def _is_shown(self, time: float, record: bytes) -> bool:
-        """Whether a tick is: when it is time for a state or a scan, where a fault or a mode came, or a job ended."""
+        """Whether a tick is: when it is time for a state or a scan, at one of the `MOMENTS`, or where a job ended."""
         while self._moments and time >= self._moments[-1] - 1e-6:
             self._moments.pop()
             self._next = -inf

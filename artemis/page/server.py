@@ -22,10 +22,10 @@ from artemis.page.hub import Hub
 from artemis.page.paired import BUSY, HEADERS, REFUSED, PairedServer, body_of, peer_of
 from artemis.page.runs_server import PastRuns
 
-RATE = 20.0
-"""States that a browser is sent in a second, at most."""
+PAUSE = 0.02
+"""At least so long is between two messages to a browser [s]."""
 QUIET = 0.4
-"""Without a new state a browser is told so often that the page itself is there [s]."""
+"""Without anything new a browser is told so often that the page itself is there [s]."""
 SLOW = 2.0
 """A browser that does not take a message for so long is let go [s]."""
 MOST_WATCHING, MOST_WAITING = 16, 64
@@ -95,10 +95,9 @@ class PageServer(PairedServer):
         hub, known, line = self._hub, dict[str, int](), 0
         state: bytes | None = None
         begin = [b'"about":' + hub.about, b'"trail":' + hub.trail()]
-        told = 0.0
         with suppress(WebSocketDisconnect, RuntimeError):
             while True:
-                pieces, begin = begin, []
+                news, pieces, begin = hub.news, begin, []
                 for name, (version, content) in hub.parts.items():
                     if known.get(name) != version:
                         known[name] = version
@@ -110,16 +109,16 @@ class PageServer(PairedServer):
                 if hub.state is not state and hub.state is not None:
                     state = hub.state
                     pieces.append(b'"state":' + state)
-                if pieces or hub.now - told >= QUIET:
-                    told = hub.now
-                    pieces.append(b'"age":%.3f' % (hub.now - hub.seen_at))
-                    text = (b"{" + b",".join(pieces) + b"}").decode()
-                    try:
-                        await asyncio.wait_for(link.send_text(text), SLOW)
-                    except TimeoutError:
-                        await link.close(BUSY)
-                        return
-                await asyncio.sleep(1 / RATE)
+                pieces.append(b'"age":%.3f' % (hub.now - hub.seen_at))
+                text = (b"{" + b",".join(pieces) + b"}").decode()
+                try:
+                    await asyncio.wait_for(link.send_text(text), SLOW)
+                except TimeoutError:
+                    await link.close(BUSY)
+                    return
+                await asyncio.sleep(PAUSE)
+                with suppress(TimeoutError):
+                    await asyncio.wait_for(news.wait(), QUIET)
 
     # ------------------------------------------------------------------------------------------ what it hears
 

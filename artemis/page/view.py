@@ -19,6 +19,7 @@ from artemis.recording.event_log import EventLog
 from artemis.recording.journal import Entry, Level
 from artemis.report.fault_words import DID, next_step
 from artemis.report.mission_boxes import Box, boxes_of
+from artemis.report.mission_times import MissionTimes
 from artemis.scan import Scan
 from artemis.states.outline import numbered
 from artemis.states.requests import by_hand
@@ -78,6 +79,7 @@ class PageView:
         self._presses = (-1, 0)
         """How often the path that is recorded was begun or ended, in which step."""
         self._frame = ""
+        self._times = MissionTimes(mission)
         self.log: list[Part] = []
         """New lines since the sender took them."""
         self.trail: list[tuple[float, float]] = []
@@ -110,7 +112,9 @@ class PageView:
             "driven": geometry.driven_axle,
             "limits": [limits.speed_m_s, limits.steering_deg],
             "scanners": {name: [m.x_m, m.y_m, m.heading] for name, m in robot.scanners.items()},
-            "drives": [{"name": name, "node": drive.node_id} for name, drive in robot.drives.items()],
+            "drives": [
+                {"name": name, "node": drive.node_id, "role": drive.role} for name, drive in robot.drives.items()
+            ],
             "steps": self._steps(),
             "acts": self._acts(),
             "series": [*SERIES, *robot.drives],
@@ -127,7 +131,7 @@ class PageView:
         if not self._mission.get("steps"):
             return {"tree": None, "numbered": []}
         paths = [dotted(path) for path, _, _ in self._numbered_steps()]
-        return {"tree": _box(boxes_of(self._mission)), "numbered": paths}
+        return {"tree": _box(boxes_of(self._mission, self._robot)), "numbered": paths}
 
     def _acts(self) -> Part:
         """What an operator at the page may do in which step, by its number."""
@@ -165,7 +169,11 @@ class PageView:
 
     def show(self, tick: Tick) -> None:
         """The same but for the log."""
-        snapshot = tick.snapshot
+        snapshot, step = tick.snapshot, self._times.present
+        self._times.see(tick)
+        if tick.events or self._times.present is not step:
+            times = self._times
+            self._put("progress", {"marks": times.marks, "counts": times.counts, "before": times.before})
         if snapshot.verdict.faults != self._faults:
             self._faults = snapshot.verdict.faults
             self._put("faults", [_fault(fault) for fault in self._faults])
@@ -226,6 +234,7 @@ class PageView:
             "sample": self.sample(tick),
             "step": position.step,
             "done": round(position.done, 2),
+            "ran": None if (here := self._times.present) is None else [here.number, round(here.time, 1)],
             "track": None if tracking is None else [round(tracking.arc_length, 2), round(tracking.length, 2)],
             "clear": None if free is None else [_finite(free.speed), _finite(free.distance), free.blocked],
             "severity": int(snapshot.verdict.severity),
@@ -237,6 +246,7 @@ class PageView:
                 + ([[round(volts, 3) for volts in drive.potentiometers]] if drive.name in self._read else [])
                 for drive in drives
             ],
+            "temperatures": [drive.temperature_c for drive in drives],
             "hand": list(by_hand(tick)),
             "presses": self._presses[1] if self._presses[0] == position.step else 0,
             "inputs": [[sample.source, sample.enabled, _finite(sample.age)] for sample in snapshot.sensed.inputs],
@@ -254,7 +264,7 @@ class PageView:
             return
         self._path_of = step
         if (planned := self._planned.get(step)) is not None:
-            poses = list(route_poses(planned.values))
+            poses = route_poses(planned.values)
         else:
             poses = [] if (route := self._routes.get(step)) is None else list(route.poses(PATH_STEP))
         points = [[round(pose.x, 3), round(pose.y, 3)] for pose in poses]

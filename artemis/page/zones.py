@@ -47,7 +47,7 @@ class ZoneFiles:
             raise ConfigError(f"no step plans routes on {change.map}")
         raw = read_zones(beside)
         if _tag(raw) != change.known:
-            raise ConfigError("the zones were changed by somebody else meanwhile: look again")
+            raise ConfigError("another operator has changed the zones meanwhile: load them again")
         if change.remove:
             raw = without_zone(raw, str(beside), change.remove)
         else:

@@ -13,13 +13,11 @@ from msgspec import Struct, json
 from artemis.plugins.answers import NUMBER
 from artemis.plugins.contracts import Acting, Declared, State
 from artemis.plugins.guard import told
-from artemis.progress import DONE, SignalValue
+from artemis.progress import DONE, TAKEN_SIGNALS, SignalValue
 from artemis.values import Action, DriveCommand
 
 MAX_STATE_BYTES = 1000
 """Of a state, as JSON."""
-SIGNALS = ("run_s", "driven_m", "battery_v", "round", "answer", "and", "or", "not")
-"""Artemis' own signals, and words of conditions."""
 _OUTCOME, _SIGNAL = re.compile("[a-z][a-z0-9-]{0,63}"), re.compile("[a-z][a-z0-9_]{0,63}")
 _TAKEN = (DONE, "fault", "any", "resume", "restart")
 _LARGEST = 2**53
@@ -57,7 +55,7 @@ def misdeclared(facts: Declared) -> Iterator[str]:
     for name, unit in facts.signals.items():
         if not isinstance(name, str) or not isinstance(unit, str) or not _SIGNAL.fullmatch(name):
             yield f"declares the signal {name!r:.70}: small letters, digits and underscores are meant, a letter first"
-        elif name in SIGNALS:
+        elif name in TAKEN_SIGNALS:
             yield f"declares the signal {name!r}: it is artemis' own"
         elif unit and not name.endswith(suffix := "_" + re.sub("[^a-z0-9]+", "_", unit.lower()).strip("_")):
             yield f"declares the signal {name!r} in {unit}: its name has to end with {suffix}"

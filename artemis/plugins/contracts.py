@@ -21,7 +21,7 @@ from artemis.errors import ConfigError
 from artemis.motion.path import Path
 from artemis.motion.route import Route
 from artemis.scan import Scan
-from artemis.values import DriveCommand, LocatedPose, OperatorInput, Pose, PoseFix, Snapshot, Tick, Tracking
+from artemis.values import DriveCommand, LocatedPose, OperatorInput, Pose, PoseFix, Request, Snapshot, Tick, Tracking
 from artemis.vehicle import RobotFile
 
 if TYPE_CHECKING:
@@ -54,8 +54,7 @@ class PluginContext:
     """Asks for an extra tick now, off the schedule, in which every input is read: for a stop button that was pressed.
     May be called from any thread."""
     typed: Callable[[Callable[[bytes], None]], bool] = lambda listener: False
-    """Has `listener` called with whatever is typed at the terminal of the run, and with nothing once that is closed.
-    False: nobody is at a terminal."""
+    """Has `listener` called with what is typed at the run's terminal, with nothing once that is closed; False: none."""
     true_pose: Callable[[], tuple[float, Pose]] | None = None
     """Run time [s] and where a simulated robot truly is then, in the world's frame: for a localizer that simulates one.
     None: nobody knows."""
@@ -69,6 +68,8 @@ class PluginContext:
     map: Callable[[], ShownMap | None] = lambda: None
     """The map of the run as it is at present, the same object until it changes, for an observer: that on which the
     localizer finds the robot, or the one that is made. None: there is none yet, or none at all."""
+    ignored: Callable[[Request, Tick], str | None] = lambda request, tick: None
+    """Why a request that an input gave in a tick leads to nothing; None: it counts."""
     dial: Dial | None = None
     """Connects to the simulated device that stands in for a scanner's; None: there is none, connect to the real one."""
 
@@ -129,7 +130,7 @@ class Scanner(Protocol):
 
     It is described in the robot file under `scanners`; `context.robot.scanners[context.name]` is its mounting. It runs
     beside the ticks, in the run's thread, so it must never block: what it waits for, it awaits. Its class may state
-    `NeedsRealTime`.
+    `NeedsRealTime`, and `field_deg`: from, to where it measures, left positive, in its frame; else it is all around.
     """
 
     Config: ClassVar[type[Config]]

@@ -41,7 +41,7 @@ BAD_SAMPLES, BAD_TIME = 5, 1.0
 LOST, OUT_OF_RANGE, NOT_SHOWN = "INP-01", "INP-06", "INP-16"
 RAISED, LATE_INPUT, GARBAGE, LATE_FOLLOWER = "PLG-02", "PLG-03", "PLG-06", "PTH-09"
 IMPOSSIBLE, SLOW = "LOC-04", "LOC-06"
-NETWORK = frozenset(f"NET-{number:02}" for number in (*range(1, 13), 14))
+NETWORK = frozenset(f"NET-{number:02}" for number in range(1, 16))
 OF_LOCALIZER = frozenset(["LOC-07"])
 """What an input, and a localizer, may say of itself."""
 

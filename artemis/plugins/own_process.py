@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import msgspec
 
 from artemis import config
-from artemis.bridges.child_process import ChildProcess
+from artemis.bridges.child_process import ENDED, ChildProcess, Restarts
 from artemis.clock import stopwatch
 from artemis.devices.can_bus import Frame, Traffic
 from artemis.errors import ConfigError, PluginError
@@ -30,19 +30,12 @@ from artemis.values import Tick
 if TYPE_CHECKING:
     from artemis.mapping.occupancy import ShownMap
 
-ENDED = "NET-13"
 BEGIN = 20.0
 """A process has this long until its observer is made [s]."""
 HANG = 5.0
 """One that takes nothing for so long is killed [s]."""
 END = 4.0
 """It has this long to close its observer [s]; then it is killed."""
-STEADY = 10.0
-"""One that lived longer is started again at once [s]."""
-APART = 1.2
-"""That it is back is told so long after it was told that it ended [s]: the first warning is over by then."""
-LONGEST_PAUSE = 8.0
-"""Between two starts of one that ends again and again [s]."""
 _LENGTH = struct.Struct("<I")
 _MAIN = "from artemis.plugins.own_process import main; main()"
 
@@ -88,15 +81,18 @@ class ObserverProcess:
         self._first = _framed(setup)
         self._problems: list[Problem] = []
         self._child: _Child | None = _Child(self._first)
-        self._pause = self._again_at = self._ended_at = 0.0
-        self._complained = self._was_made = False
-        self._back = ""
+        self._restarts, self._closed = Restarts(lambda: stopwatch()), False
         self._missed = 0
 
     @property
     def pid(self) -> int | None:
         """Of the process; None: there is none at present."""
         return None if self._child is None else self._child.pid
+
+    @property
+    def works(self) -> bool:
+        """There is one, and its observer is made."""
+        return (child := self._child) is not None and child.made
 
     def wait(self) -> None:
         """Wait until the observer is made, before the first tick.
@@ -108,7 +104,7 @@ class ObserverProcess:
             child = self._child = self._child or _Child(self._first)
             child.hear(BEGIN)
             if child.made:
-                self._was_made = True
+                self._restarts.works()
                 return
             words = child.refused or child.kill() or f"it was not made within {BEGIN:g} s"
             self._child = None
@@ -118,8 +114,8 @@ class ObserverProcess:
 
     def see(self, tick: Tick, traffic: Traffic, now: float) -> None:
         """Hand a tick over, if the process is there."""
-        if self._child is None and stopwatch() >= self._again_at:
-            self._child = _Child(self._first)
+        if self._child is None and not self._closed and self._restarts.due:
+            self._begin_again()
         if (child := self._child) is None:
             self._missed += 1
             return
@@ -131,6 +127,13 @@ class ObserverProcess:
         self._missed += not child.made
         if child.over or child.refused:
             self._end(child)
+
+    def _begin_again(self) -> None:
+        self._restarts.begin()
+        try:
+            self._child = _Child(self._first)
+        except OSError as error:
+            self._restarts.ended(f"its process cannot be started: {error.strerror}")
 
     def _tell(self, child: _Child, shown: tuple[Tick, Traffic, float]) -> bool:
         """Send a tick, with the map before it where that changed; False: they are not taken."""
@@ -145,9 +148,7 @@ class ObserverProcess:
         """Those of the observer; that its process ended, and that it is back."""
         if self._child is not None:
             self._listen(self._child)
-        if self._back and stopwatch() - self._ended_at > APART:
-            self._problems.append((ENDED, self._name, self._back))
-            self._back = ""
+        self._problems += [(ENDED, self._name, words) for words in self._restarts.take()]
         problems, self._problems = self._problems, []
         return problems
 
@@ -157,17 +158,16 @@ class ObserverProcess:
             child.finish()
             self._take(child)
             child.kill()
-            self._child, self._again_at = None, float("inf")
+            self._child = None
+        self._closed = True
 
     def _listen(self, child: _Child) -> None:
         """Take what it said, without waiting."""
         made = child.made
         child.hear(0.0)
         if child.made and not made:
-            if self._was_made:
-                gone, missed = stopwatch() - self._ended_at, f"{self._missed} ticks were not told"
-                self._back = f"it is back after {gone:.1f} s; {missed}"
-            self._complained, self._was_made, self._missed = False, True, 0
+            self._restarts.works(f"; {self._missed} ticks were not shown")
+            self._missed = 0
         self._take(child)
 
     def _take(self, child: _Child) -> None:
@@ -175,16 +175,9 @@ class ObserverProcess:
         child.problems.clear()
 
     def _end(self, child: _Child) -> None:
-        """It is no more: say so, once until it is back, and start it again after a pause."""
-        status, self._back = child.kill(), ""
-        words = child.refused or (child.over if child.over != _CLOSED else status)
-        if not self._complained:
-            self._complained, self._ended_at = True, stopwatch()
-            self._problems.append((ENDED, self._name, f"{words}; it is started again"))
-        if child.made and stopwatch() - child.begun > STEADY:
-            self._pause = 0.0
-        self._child, self._again_at = None, stopwatch() + self._pause
-        self._pause = min(max(2 * self._pause, 0.5), LONGEST_PAUSE)
+        """It is no more; the next tick starts it again, or a later one."""
+        status, self._child = child.kill(), None
+        self._restarts.ended(child.refused or (child.over if child.over != _CLOSED else status))
 
 
 _CLOSED = "ended"

@@ -53,16 +53,24 @@ class AskedPlugin:
 
 @contextmanager
 def plugins_watched(
-    asked: AskedPlugin, ours: Container[str], note: Callable[[str], None], patient: Callable[[], bool] | None
+    asked: AskedPlugin,
+    ours: Container[str],
+    note: Callable[[str], None],
+    patient: Callable[[], bool] | None,
+    origin: Callable[[str], str],
 ) -> Iterator[None]:
     """Both of the next, for the time of a run."""
-    with prints_named(asked, ours), ended_if_blocked(asked, note, patient):
+    with prints_named(asked, ours), ended_if_blocked(asked, note, patient, origin):
         yield
 
 
 @contextmanager
 def ended_if_blocked(
-    asked: AskedPlugin, note: Callable[[str], None], patient: Callable[[], bool] | None = None, blocked: float = BLOCKED
+    asked: AskedPlugin,
+    note: Callable[[str], None],
+    patient: Callable[[], bool] | None = None,
+    origin: Callable[[str], str] = lambda name: "",
+    blocked: float = BLOCKED,
 ) -> Iterator[None]:
     """End the process where a plugin that the present thread asks does not answer for `blocked` [s].
 
@@ -70,6 +78,7 @@ def ended_if_blocked(
         asked: Who is asked.
         note: Is told what happened, before the end.
         patient: Whether it is waited for all the same; None: never.
+        origin: Which plugin of which package has a name.
         blocked: Longest time [s].
     """
     over, thread = threading.Event(), threading.get_ident()
@@ -95,7 +104,9 @@ def ended_if_blocked(
             _exit(BLOCKED_STATUS)
 
     def tell() -> None:
-        words = f"plugin '{asked.name}' has not answered for {blocked:g} s: the run is ended"
+        name = asked.name
+        which = f"'{name}' ({found})" if (found := origin(name)) else f"'{name}'"
+        words = f"plugin {which} has not answered for {blocked:g} s: the run is ended"
         note(words)
         with suppress(OSError, termios.error):  # the terminal may be gone, as its connection
             in_front = terminal is not None and os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import inspect
+from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
@@ -10,7 +12,17 @@ from typing import Any
 from artemis.config import Config
 from artemis.errors import PluginError, similar
 from artemis.plugins.acting import misdeclared
-from artemis.plugins.contracts import CONTRACT, Behaviour, Follower, InputDevice, Localizer, Observer, Scanner, declared
+from artemis.plugins.contracts import (
+    CONTRACT,
+    Behaviour,
+    Declared,
+    Follower,
+    InputDevice,
+    Localizer,
+    Observer,
+    Scanner,
+    declared,
+)
 from artemis.progress import OWN_STEPS
 
 INPUTS = "artemis.inputs"
@@ -86,6 +98,26 @@ def load(group: str, name: str) -> type[Any]:
     return _import(claimants[0])
 
 
+def behaviour_class(name: str) -> type[Any]:
+    """The class of a behaviour. Raises as `load`."""
+    return load(BEHAVIOURS, name)
+
+
+def declarations(behaviours: Iterable[str]) -> dict[str, Declared]:
+    """What behaviours state of themselves, by name; one that is broken or not installed is left out."""
+    found: dict[str, Declared] = {}
+    for name in behaviours:
+        with suppress(PluginError):  # the loader of a mission complains of it
+            found[name] = declared(behaviour_class(name))
+    return found
+
+
+def package_of(group: str, name: str) -> str:
+    """Name and version of the package that brings a plugin; empty if that is not known."""
+    found = [point.dist for point in _found(group) if point.name == name and point.dist is not None]
+    return f"{found[0].name} {found[0].version}" if found else ""
+
+
 def names(group: str) -> list[str]:
     """Names of the plugins of a group; nothing is imported."""
     return sorted({point.name for point in _found(group)})
@@ -149,5 +181,5 @@ def breaches(plugin: object, contract: type[Any]) -> list[str]:
         problems.append("has no Config that is a subclass of artemis.config.Config")
     elif contract is Behaviour and (until := config.model_fields.get("until")):
         if not until.is_required() and until.default is not None:
-            problems.append("has a default of until in its Config: a mission writes this condition, or nobody")
+            problems.append("has a default of until in its Config: only a mission may write this condition")
     return problems

@@ -95,7 +95,7 @@ def low_disk(folder: Path, disk: Disk) -> str | None:
     try:
         free = disk.free(folder)
     except OSError as error:
-        raise RecordingError(f"{folder}: cannot tell how much room there is: {error.strerror}") from error
+        raise RecordingError(f"{folder}: its free space cannot be read: {error.strerror}") from error
     if free >= MIN_FREE:
         return None
     return (

@@ -12,14 +12,15 @@ from artemis.families.family import Errors
 from artemis.motion.potentiometers import memory_words
 from artemis.progress import MissionEvent
 from artemis.recording.asked_poses import AskedPoses
+from artemis.recording.emergencies import Emergencies
 from artemis.recording.journal import Entry, Level
+from artemis.states.outline import is_beside
 from artemis.states.requests import ignored
 from artemis.supervision.catalogue import ROWS, emergency
 from artemis.supervision.catalogue.row import SHORT
 from artemis.supervision.supervisor import ALL_RECOVERIES
 from artemis.values import (
     Cause,
-    DriveFeedback,
     Event,
     Fault,
     Job,
@@ -35,8 +36,6 @@ from artemis.values import (
 
 EVIDENCE_TIME = 2.0
 """Frames of so many seconds are kept for a fault's entry."""
-STORM, STORM_TIME = 20, 1.0
-"""More emergencies of a drive in this time [s] are only counted (DRV-33)."""
 _STOPPED = (Mode.FAULT, Mode.QUICKSTOP)
 _Key = tuple[str, str]
 
@@ -54,7 +53,7 @@ class EventLog:
         self._recovered: Counter[str] = Counter()
         self._recoveries = 0
         self._forgotten_by = "person"
-        self._storms: dict[str, _Storm] = {}
+        self._emergencies = Emergencies()
         self._poses = AskedPoses()
 
     @property
@@ -75,16 +74,16 @@ class EventLog:
         self._origin = self._origin if previous else now - sensed.time
         self._keep(sensed.time, frames)
         entries: list[Entry] = []
-        if sensed.answers or sensed.requests:
+        if sensed.answers or sensed.typed or sensed.requests:
             entries += self._asked(tick, previous)
         for sample in sensed.inputs:
             if sample.goal is not None or sample.initial_pose is not None:
                 entries += self._poses.entries(tick, sample)
         for drive in sensed.drives:
             if drive.emergencies or drive.boots:
-                entries += self._said(sensed.time, drive)
-        if self._storms:
-            entries += self._passed(sensed.time)
+                entries += self._emergencies.entries(sensed.time, drive, tick.wish.phase)
+        if self._emergencies.counting:
+            entries += self._emergencies.passed(sensed.time)
         if tick.snapshot.verdict is not self._verdict:
             entries += self._judged(previous, tick)
         if previous is None or tick.mode is not previous.mode:
@@ -100,7 +99,7 @@ class EventLog:
 
     def end(self) -> list[Entry]:
         """What was still to be told when the last tick was seen."""
-        return [storm.entry(drive) for drive, storm in self._storms.items() if storm.untold]
+        return self._emergencies.passed()
 
     # -------------------------------------------------------------------------------------------------- frames
 
@@ -129,7 +128,7 @@ class EventLog:
 
     def _asked(self, tick: Tick, previous: Tick | None) -> Iterator[Entry]:
         """Answers and requests."""
-        for answer in tick.snapshot.sensed.answers:
+        for answer in (*tick.snapshot.sensed.answers, *(typed.text for typed in tick.snapshot.sensed.typed)):
             yield Entry(time=tick.snapshot.time, kind="answer", text=answer)
         yield from self._requests(tick, previous.mode if previous else tick.mode)
 
@@ -212,49 +211,6 @@ class EventLog:
         data = {"event": cause.event.value, **(faults if cause.faults else {})}
         return data, ", ".join([cause.event.value, *words])
 
-    # -------------------------------------------------------------------------------------------------- the drives
-
-    def _said(self, time: float, drive: DriveFeedback) -> Iterator[Entry]:
-        """Emergencies and boot-ups of a drive; of a storm of emergencies only the first."""
-        if drive.emergencies:
-            storm = self._storms.setdefault(drive.name, _Storm(time))
-            for code in drive.emergencies:
-                if storm.tells(code):
-                    yield _emergency(time, drive.name, code)
-        if drive.boots:
-            yield Entry(time=time, kind="boot-up", text=drive.name, data={"drive": drive.name})
-
-    def _passed(self, time: float) -> Iterator[Entry]:
-        for drive, storm in list(self._storms.items()):
-            if time >= storm.begun + STORM_TIME:
-                del self._storms[drive]
-                if storm.untold:
-                    yield storm.entry(drive)
-
-
-class _Storm:
-    """The emergencies of one drive in a second."""
-
-    def __init__(self, begun: float) -> None:
-        self.begun = begun
-        self.untold: Counter[int] = Counter()
-        self._told = 0
-
-    def tells(self, code: int) -> bool:
-        """Whether it gets an entry of its own; else it is counted."""
-        if self._told < STORM:
-            self._told += 1
-            return True
-        self.untold[code] += 1
-        return False
-
-    def entry(self, drive: str) -> Entry:
-        """The one for all that had none."""
-        codes = {code_name(code): count for code, count in sorted(self.untold.items())}
-        text = f"{drive}: {self.untold.total()} more: " + ", ".join(f"{code} x {n}" for code, n in codes.items())
-        data = {"drive": drive, "count": self.untold.total(), "codes": codes}
-        return Entry(time=self.begun + STORM_TIME, kind="emergencies", text=text, level=Level.WARNING, data=data)
-
 
 # -------------------------------------------------------------------------------------------------- single entries
 
@@ -264,11 +220,6 @@ def named(fault: Fault) -> str:
     return f"{fault.id} {fault.device}".rstrip()
 
 
-def code_name(code: int) -> str:
-    """An EMCY error code for people; a negative one: the message was damaged."""
-    return f"EMCY 0x{code:04X}" if code >= 0 else "damaged EMCY"
-
-
 def meaning(code: int, errors: Mapping[int, str]) -> str:
     """An error code of a drive, and what it means: `errors` are its family's rows by code."""
     return f"0x{code:04X} {ROWS[errors[code]].name if code in errors else 'unknown'}"
@@ -276,7 +227,7 @@ def meaning(code: int, errors: Mapping[int, str]) -> str:
 
 def happened(event: MissionEvent, mode: Mode) -> str:
     """What happened in a mission, in words; `mode` of that tick."""
-    stands = mode is Mode.READY or ".together.beside[" in event.place  # the robot is not stopped for steps beside
+    stands = mode is Mode.READY or is_beside(event.place)  # the robot is not stopped for steps beside
     rests = "" if stands else ": coming to rest"
     match event.kind:
         case "ended":
@@ -353,12 +304,6 @@ def _verdict(time: float, verdict: Verdict) -> Entry:
     return Entry(time=time, kind="verdict", text=", ".join(words), level=level, data=data)
 
 
-def _emergency(time: float, drive: str, code: int) -> Entry:
-    level = Level.WARNING if code else Level.INFO  # code 0 says that the error is gone
-    data = {"drive": drive, "code": code}
-    return Entry(time=time, kind="emergency", text=f"{drive}: {code_name(code)}", level=level, data=data)
-
-
 def _jobs(tick: Tick, errors: Errors) -> Iterator[Entry]:
     """Orders and what became of them, but for looks at drives that are off as they should be."""
     time = tick.snapshot.time
@@ -371,7 +316,7 @@ def _jobs(tick: Tick, errors: Errors) -> Iterator[Entry]:
             text += f": {told}"
         level = Level.INFO if result.ok else Level.WARNING
         data = {**_order(result), "ok": result.ok, "values": list(result.values)}
-        if result.kind is JobKind.PLAN:
+        if result.kind in (JobKind.PLAN, JobKind.FIT):
             data["values"] = []  # a route: the recording has it
         if result.fault:
             data["fault"] = result.fault

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -60,7 +61,7 @@ class Journal:
     """
 
     def __init__(self, path: Path, disk: Disk | None = None) -> None:
-        """Start a new journal, with room of its own where the file system can do that.
+        """Start a new journal, locked until it ends, with room of its own where the file system can do these.
 
         Raises:
             RecordingError: the file exists already, or cannot be made.
@@ -71,6 +72,8 @@ class Journal:
             self._file = (disk or Disk()).open(path, "x")
         except OSError as error:
             raise RecordingError(f"{path}: cannot begin a journal: {error.strerror}") from error
+        with suppress(OSError):
+            fcntl.flock(self._file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
         if hasattr(os, "posix_fallocate"):
             with suppress(OSError):  # not every file system can; then the journal ends with the disk
                 os.posix_fallocate(self._file.fileno(), 0, PREALLOCATED)
@@ -120,6 +123,18 @@ class JournalContent:
 
     entries: tuple[Entry, ...]
     missing: str | None
+
+
+def is_under_way(path: Path) -> bool:
+    """Whether a process still writes this journal; False where the file system has no locks, as some of networks."""
+    try:
+        with path.open("rb") as file:
+            fcntl.flock(file.fileno(), fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        pass
+    return False
 
 
 def read_journal(path: Path) -> JournalContent:

@@ -182,6 +182,12 @@ class Recording:
         begun = content.entries[0].data.get("date") if content.entries else None
         return content if begun == self.versions["start"] else None
 
+    @property
+    def incomplete(self) -> str | None:
+        """What is missing of the recording and of its journal; None: nothing."""
+        parts = self.missing, self.journal.missing if self.journal else None
+        return "; ".join(filter(None, parts)) or None
+
     def events(self) -> tuple[Entry, ...]:
         """What happened, with data: the journal. Where that is lost, or less whole than the recording: the log."""
         journal = self.journal

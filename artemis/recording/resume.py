@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from artemis.errors import ConfigError, RecordingError
 from artemis.motion.track import Track
 from artemis.progress import Position
-from artemis.recording.journal import Entry, read_journal
+from artemis.recording.journal import Entry, is_under_way, read_journal
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.provenance import ResumePoint
 from artemis.recording.run_folder import RunFolder
@@ -46,8 +46,8 @@ def where_it_stopped(
         root: Where the mission's runs lie.
 
     Raises:
-        ConfigError: it was finished, its mission is another one now, it was simulated and this one is not or the other
-            way round, the position of the robot is unknown now, or nothing of it can be recovered.
+        ConfigError: it is under way or was finished, its mission is another one now, it was simulated and this one is
+            not or the other way round, the position of the robot is unknown now, or nothing of it can be recovered.
     """
     try:
         return _where_it_stopped(Recording(run), run, files, steps, simulated, root)
@@ -58,6 +58,8 @@ def where_it_stopped(
 def _where_it_stopped(
     recording: Recording, run: Path, files: Mapping[str, bytes], steps: int, simulated: bool, root: Path
 ) -> tuple[ResumePoint, list[str]]:
+    if is_under_way(RunFolder(path=recording.path.parent).journal):
+        raise ConfigError(f"{run}: cannot be resumed: this run is still under way; end it first")
     last, before = recording.last_tick(), recording.resume_point
     was_simulated = recording.mission.get("bus") == SIMULATION
     _check_files(recording, files)
@@ -97,12 +99,17 @@ def _where_it_stopped(
     return resume_point, notes
 
 
-def unfinished_run(root: Path, mission: str, *, simulated: bool) -> tuple[Path, float] | None:
-    """The folder of the mission's newest run in `root`, and until when [s] it ran, if nobody ended it."""
+def unfinished_run(root: Path, mission: str, *, simulated: bool) -> tuple[Path, float | None] | None:
+    """The folder of the mission's newest run in `root`, and until when [s] it ran, if it was not ended in order.
+
+    None instead of a time: it is still under way.
+    """
     for folder, entries in _journals(root, re.escape(mission)):
         begun = any(entry.kind == "mode" for entry in entries)  # else the bus could not even be opened
         facts = entries[0].data if begun else {}
         if begun and facts.get("mission") == mission and (facts.get("bus") == SIMULATION) is simulated:
+            if is_under_way(RunFolder(path=folder).journal):
+                return folder, None
             return None if _ended(entries) and entries[-1].text != BROKEN else (folder, entries[-1].time)
     return None
 

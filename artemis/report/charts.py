@@ -117,6 +117,16 @@ def _angles(run: Series) -> Iterator[Chart]:
     return _wheels(run, "steering", "angle [°]", DEGREES, 2)
 
 
+def _temperatures(run: Series) -> Iterator[Chart]:
+    for role in ("traction", "steering"):
+        lines = tuple(
+            ChartLine(name=drive, ink=wheel.side, values=wheel.temperature)
+            for drive, wheel in run.wheels.items()
+            if wheel.role == role
+        )
+        yield Chart(name="temperature [°C]", digits=1, x=run.time, lines=lines, title=f"{role} drives")
+
+
 def _battery(run: Series) -> Iterator[Chart]:
     std = (PERCENT * (run.charge + sign * run.charge_std) for sign in (1.0, -1.0))
     charges = (
@@ -142,6 +152,7 @@ SECTIONS: tuple[tuple[str, str, Callable[[Series], Iterator[Chart]]], ...] = (
     ("Plan and feedback", "Speed and angle of the virtual front wheel, as the follower plans them.", _plan),
     ("Wheel speeds", "Rolling speed of the driven wheels: set-point and measured.", _speeds),
     ("Steering angles", "Angles of the steered wheels, left positive: set-point and measured.", _angles),
+    ("Temperatures", "Of the power stages of the drives, where they measure it.", _temperatures),
     ("Battery", "What is left of it, by its voltage and by what was taken; its voltage, and the power.", _battery),
     ("Bus load", "Share of the time that the CAN bus is busy, each frame with its most stuff bits.", _bus),
 )

@@ -5,15 +5,20 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from textwrap import shorten
 from typing import Any
 
-from artemis.progress import DONE, MissionEvent
-from artemis.report.mission_boxes import name_of
+from artemis.progress import DONE, MissionEvent, Position
+from artemis.report.mission_boxes import is_list
 from artemis.states.modes import RUNNING
-from artemis.states.outline import numbered
+from artemis.states.outline import is_beside, numbered
+from artemis.states.step_names import name_of
+from artemis.states.whereabouts import counts
 from artemis.values import Tick
 from artemis.yaml_file import dotted
 
+LONGEST_NAME = 30
+"""Characters of the present step's."""
 _REASONS = ("ended", "fired", "expired", "end")
 """Events that may end a mission."""
 
@@ -53,38 +58,46 @@ class MissionTimes:
 
     Attributes:
         steps: The mission's steps that take time, by number.
+        present: The one that runs now, or ran last; None: none has begun.
+        before: The one before it, and why that ended; empty: there was none.
         ended: How the mission ended, if not by doing all of its steps.
     """
 
     def __init__(self, mission: Mapping[str, Any]) -> None:
         """`mission`: as recorded."""
-        found = numbered(mission.get("steps"))
+        self._written, self._position, self._is_list = mission.get("steps"), Position(), is_list(mission)
+        found = numbered(self._written)
         self.steps = [StepTime(path=dotted(path), name=name_of(word, body)) for path, word, body in found]
         self._by_path = {step.path: step for step in self.steps}
         self.ended = ""
         self._events: Counter[tuple[str, str]] = Counter()
         self._reason: MissionEvent | None = None
         self._said = ""
-        self._present: StepTime | None = None
+        self.present: StepTime | None = None
+        self.before = ""
         self._last = 0.0
 
     def see(self, tick: Tick) -> None:
         """The next tick."""
-        time, position = tick.snapshot.sensed.time, tick.position
+        time = tick.snapshot.sensed.time
+        self._position = position = tick.position
         runs = tick.mode in RUNNING
-        if runs and self._present is not None:
-            self._present.time += time - self._last
+        if runs and self.present is not None:
+            self.present.time += time - self._last
         self._last, self.ended = time, position.ended
         for event in tick.events:
             self._happened(event)
         if runs or tick.events:
             step = self.steps[position.step] if position.step < len(self.steps) else None
-            if step is not None and (not step.open or (step is not self._present and position.done == 0.0)):
+            present = self.present
+            if self._is_list and present is not None and present is not step and present.open:
+                self._end(present, DONE)  # what lets a list go on is not told
+            if step is not None and (not step.open or (step is not self.present and position.done == 0.0)):
                 step.number += 1
                 step.began = time if step.began is None else step.began
-            if step is not None and (not step.open or step is not self._present):
+            if step is not None and (not step.open or step is not self.present):
                 step.open = "unfinished"
-            self._present = step
+            self.present = step
 
     def _happened(self, event: MissionEvent) -> None:
         self._events[event.kind, event.place] += 1
@@ -94,11 +107,32 @@ class MissionTimes:
             self._reason = event
         step = self._by_path.get(event.place)
         if event.kind == "ended" and step is not None:
-            step.number += not step.open  # one beside others
-            step.outcomes[event.text] += 1
-            step.open = ""
-        elif event.kind in ("fired", "expired") and self._present is not None and self._present.open:
-            self._present.open = f"interrupted: {event.text}"
+            self._end(step, event.text)
+        elif event.kind in ("fired", "expired") and not is_beside(event.place):
+            if self.present is not None and self.present.open:
+                self.present.open = f"interrupted: {event.text}"
+                self.before = f"{self.present.name}: {self.present.open}"
+
+    def _end(self, step: StepTime, outcome: str) -> None:
+        if step is self.present:
+            self.before = f"{step.name}: {outcome}"
+        step.number += not step.open  # one beside others
+        step.outcomes[outcome] += 1
+        step.open = ""
+
+    @property
+    def counts(self) -> list[str]:
+        """Rounds and attempts around the present step, the outermost first."""
+        return counts(self._written, self._position)
+
+    @property
+    def here(self) -> str:
+        """The present step with its rounds and attempts, how often and how long it ran; empty: none runs."""
+        step = self.present
+        if step is None or self._position.step >= len(self.steps):
+            return ""
+        name = shorten(step.name, LONGEST_NAME, placeholder="…")
+        return ", ".join([name, *self.counts, f"{step.number}x {step.time:.0f} s"])
 
     @property
     def ran(self) -> list[StepTime]:

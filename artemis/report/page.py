@@ -167,6 +167,7 @@ def _rows(facts: Summary) -> list[tuple[str, str]]:
         (f"error of {facts.source} at the end", _known(facts.position_error_end)),
         ("highest speed: robot, a wheel", f"{facts.max_speed:.3f} m/s, {facts.max_wheel_speed:.3f} m/s"),
         ("largest steering angle of a wheel", f"{degrees(facts.max_steering):.1f}°"),
+        ("may have touched obstacles", "; ".join(facts.ignored)),
         ("stood for obstacles", _seconds(facts.waited) if facts.waited else ""),
         ("battery", consumption(facts)),
         ("frames", str(facts.frames)),
@@ -190,7 +191,7 @@ def _mission_section(recording: Recording, run: MissionTimes) -> str:
     )
     ran = table(("step", "in the mission", "ended with", "ran", "took [s]"), rows, numbers=2) if run.ran else ""
     more = f"<p>{len(run.ran) - MAX_STEPS} more ran.</p>" if len(run.ran) > MAX_STEPS else ""
-    box = boxes_of(recording.mission)
+    box = boxes_of(recording.mission, recording.robot)
     few = sum(1 for _ in box.inside()) <= MAX_BOXES
     picture = (
         f'<div class="chart">{chart(box, run.marks)}</div>'

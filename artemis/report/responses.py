@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import degrees
 from typing import TYPE_CHECKING
 
@@ -99,6 +99,12 @@ def _set_point(tick: TickRecord, robot: RobotFile, name: str) -> float:
 
 def _trace(name: str, robot: RobotFile, table: Array) -> Trace:
     time, told, position, current = table.T
+    return replace(trace_of(name, robot, time, told, position), current=current)
+
+
+def trace_of(name: str, robot: RobotFile, time: Array, told: Array, position: Array) -> Trace:
+    """What a drive was told, and where its wheel was [m or m/s, or rad]; without its current."""
+    current = np.zeros(len(time))
     if robot.drives[name].role == "traction":
         width = SPEED_DISTANCE / max(float(np.max(np.abs(told))), SLOWEST)
         value = slope(time, position, width)

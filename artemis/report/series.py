@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from math import hypot, inf, isfinite, nan, sqrt
@@ -45,6 +46,8 @@ class Wheel:
     side: str
     set_point: Array
     measured: Array
+    temperature: Array
+    """Of its power stage [°C]; nan: not known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,7 +190,8 @@ class _Reader:
         self._entries = recording.events()
         faults = [entry.time for entry in self._entries if entry.kind == "fault"]
         ticks = None if every_tick else recording.number
-        width = len(_COLUMNS) + 2 * len(self._drives) + (len(_OF_BATTERY) if robot.battery else 0)
+        self._warm = _measuring_temperature(robot)
+        width = len(_COLUMNS) + 2 * len(self._drives) + len(self._warm) + (len(_OF_BATTERY) if robot.battery else 0)
         self._error, self._true_error = Errors(), Errors()
         errors = {_AT["cross_track"]: self._error, _AT["true_cross_track"]: self._true_error}
         self._rows = Rows(width, _AT["x"], _AT["y"], ticks, faults, errors)
@@ -234,7 +238,7 @@ class _Reader:
         for fix in sensed.fixes:
             self._quality = fix.quality
         clearance = points.clearance
-        slowed = clearance is not None and clearance.speed < abs(tick.wish.command.speed)
+        slowed = clearance is not None and clearance.speed < abs(tick.wish.command.speed) and clearance.distance < inf
         self._around.see(tick, slowed=slowed)
         self._waited += snapshot.dt if clearance is not None and clearance.blocked else 0.0
         at = true or _NO_POSE
@@ -252,6 +256,7 @@ class _Reader:
             row += (set_point(points), nan if drive.age is None else measured(drive))
             if drive.state is not states.value:
                 states.begin(time, drive.state)
+        row += _temperatures(self._warm, heard)
         if (battery := snapshot.battery) is not None:
             self._joules = battery.joules
         if self._recording.robot.battery:
@@ -348,11 +353,26 @@ def _followed(tracking: Tracking, set_points: SetPoints) -> tuple[float, ...]:
 
 
 def _wheels(table: Array, robot: RobotFile) -> dict[str, Wheel]:
-    wheels = {}
+    wheels, warm = {}, _measuring_temperature(robot)
+    unknown = np.full(len(table), nan)
     for number, (name, drive) in enumerate(robot.drives.items()):
         set_point, measured = table[:, len(_COLUMNS) + 2 * number :].T[:2]
-        wheels[name] = Wheel(role=drive.role, side=drive.side, set_point=set_point, measured=measured)
+        at = len(_COLUMNS) + 2 * len(robot.drives)
+        temperature = table[:, at + warm.index(name)] if name in warm else unknown
+        wheels[name] = Wheel(
+            role=drive.role, side=drive.side, set_point=set_point, measured=measured, temperature=temperature
+        )
     return wheels
+
+
+def _temperatures(names: Sequence[str], heard: Mapping[str, DriveFeedback]) -> list[float]:
+    told = [heard[name].temperature_c if name in heard else None for name in names]
+    return [nan if temperature is None else temperature for temperature in told]
+
+
+def _measuring_temperature(robot: RobotFile) -> list[str]:
+    """Drives that measure their own."""
+    return [name for name, drive in robot.drives.items() if drive.tables.temperature is not None]
 
 
 class _Spans:

@@ -62,6 +62,8 @@ class Summary:
     """Shares, each frame counted with its most stuff bits."""
     waited: float
     """For obstacles."""
+    ignored: tuple[str, ...]
+    """Where the robot may have touched obstacles, in words."""
     max_late: float
     """How late the latest tick began."""
     steps: tuple[Interval, ...]
@@ -75,13 +77,13 @@ def summary(recording: Recording, series: Series | None = None) -> Summary:
     """The summary of a run; `series` saves reading the recording again."""
     run = series or read_series(recording)
     duration = float(run.time[-1] - run.time[0]) if len(run.time) else 0.0
-    wall, journal = recording.wall_duration, recording.journal
+    wall = recording.wall_duration
     return Summary(
         mission=str(recording.mission.get("mission", "")),
         robot=recording.robot.robot,
         start=recording.start,
         result=_result(recording, run),
-        missing="; ".join(filter(None, (recording.missing, journal.missing if journal else None))) or None,
+        missing=recording.incomplete,
         ticks=run.ticks,
         duration=duration,
         wall_duration=wall,
@@ -106,6 +108,7 @@ def summary(recording: Recording, series: Series | None = None) -> Summary:
         bus_load_mean=float(np.mean(run.bus_load)) if len(run.bus_load) else 0.0,
         bus_load_max=_largest(run.bus_load),
         waited=run.waited,
+        ignored=tuple(entry.text for entry in run.entries if entry.kind == "obstacles"),
         max_late=_largest(run.late),
         steps=run.steps,
         faults=tuple(entry.text for entry in run.entries if entry.kind == "fault"),

@@ -19,7 +19,7 @@ from artemis.families.family import HOME_INPUT
 from artemis.sim.cia402_motion import Cia402Motion
 from artemis.sim.cia402_objects import RULES, VOLATILE, objects402
 from artemis.sim.cia402_power import Cia402Power
-from artemis.sim.dictionary import SIGNED, SIZES, AbortCode, AccessRefused, Dictionary, key_of
+from artemis.sim.dictionary import SIGNED, SIZES, AbortCode, AccessRefused, Dictionary, Refusal, key_of
 from artemis.sim.epos import SimEpos
 from artemis.sim.epos_errors import (
     CAN_PASSIVE,
@@ -73,7 +73,11 @@ class SimCia402(SimEpos):
     def _make_dictionary(self, drive: Drive) -> Dictionary:
         assert drive.cia402 is not None  # the robot file was checked
         self._words = drive.cia402
-        return Dictionary(objects402(drive, drive.cia402), power_off=lambda: self._power.power_off, rules=RULES)
+        dictionary = Dictionary(objects402(drive, drive.cia402), power_off=lambda: self._power.power_off, rules=RULES)
+        for entry in dictionary.entries.values():
+            if entry.index in drive.cia402.absent:  # what it does all the same, as its maker has set it
+                dictionary.refusals[entry.key] = Refusal(code=AbortCode.NO_OBJECT, left=None)
+        return dictionary
 
     def _make_parts(self, drive: Drive) -> tuple[ErrorMemory, Motion, PowerStage]:
         dictionary, words = self._dictionary, self._words

@@ -133,7 +133,7 @@ def _modes(words: Cia402) -> list[ObjectEntry]:
     ramp = max(1, round(FACTORY_RAMP * words.acceleration_units_per_rpm_s))
     rows = [
         *(row(index, 0, I32, "ro T") for index in (0x6062, 0x6064, 0x606B, 0x606C, 0x60F4)),
-        row(0x6065, 0, U32, "rw R T", 2000),
+        row(0x6065, 0, U32, "rw R T", 0xFFFFFFFF if 0x6065 in words.absent else 2000),
         row(0x6067, 0, U32, "rw R T", 0xFFFFFFFF),
         row(0x607A, 0, I32, "rw R T"),
         *(row(0x607D, sub, I32, "rw R T") for sub in (1, 2)),

@@ -18,7 +18,7 @@ from artemis.sim.axis import Axis
 from artemis.sim.dictionary import Dictionary, key_of
 from artemis.sim.epos1_motion import Epos1Motion
 from artemis.sim.epos_error_control import ErrorControl
-from artemis.sim.epos_errors import LIFE_GUARD, OVER_VOLTAGE, PDO_LENGTH, UNDER_VOLTAGE, ErrorMemory
+from artemis.sim.epos_errors import ERRORS, LIFE_GUARD, OVER_VOLTAGE, PDO_LENGTH, UNDER_VOLTAGE, ErrorMemory
 from artemis.sim.epos_failures import EposFailures, Post, Sending, Speech
 from artemis.sim.epos_motion import Motion
 from artemis.sim.epos_objects import VOLATILE, millivolts, objects
@@ -42,6 +42,8 @@ _OPERATIONAL = Nmt.OPERATIONAL
 
 class SimEpos:
     """One simulated drive. Its owner feeds it frames and time, steps its axis, and drains its outbox."""
+
+    known_errors = ERRORS
 
     def __init__(self, drive: Drive, axis: Axis, *, name: str, settings: SimSettings | None = None) -> None:
         self.name = name
@@ -88,7 +90,7 @@ class SimEpos:
 
     def _make_parts(self, drive: Drive) -> tuple[ErrorMemory, Motion, PowerStage]:
         dictionary, settings = self._dictionary, self.settings
-        errors = ErrorMemory(dictionary)
+        errors = ErrorMemory(dictionary, self.known_errors)
         motion = Epos1Motion(dictionary, self.axis, clip_position=settings.position_limits_clip, gains=drive.gains)
         power = PowerStage(
             motion,

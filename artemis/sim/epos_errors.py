@@ -27,7 +27,7 @@ class Reaction(Enum):
     POWER_OFF = "power off at once"
     FAULT_OPTION = "as object 0x605E says"  # CiA 402
     ABORT_OPTION = "as object 0x6007 says"  # CiA 402
-    WARNING = "none; bit 7 of the statusword tells"  # EPOS4
+    WARNING = "none; see bit 7 of the statusword"  # EPOS4
 
 
 class EposError(NamedTuple):

@@ -15,7 +15,8 @@ class SimSettings(Config):
     """Of simulated drives; the EPOS4's own are in `epos4`."""
 
     answer_time_s: Seconds = 0.0003
-    """From the end of an SDO request to the answer being ready."""
+    """From the end of an SDO request to the answer being ready: an assumption, of no EPOS. EPOS4 drives were seen to
+    answer 0.26 to 0.46 ms after a request, the 0.13 ms of the answer's frame included (a candump of 12 transfers)."""
     boot_time_s: Seconds = 0.05
     """From power-up or reset to the boot-up frame."""
     refresh_s: Seconds = 0.005

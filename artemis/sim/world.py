@@ -48,6 +48,7 @@ Resistance = Annotated[float, Quantity(1e-4, 1000.0, "ohms")]
 
 Voltage = Annotated[float, Quantity(1.0, 100.0, "V")]
 VoltagePerHour = Annotated[float, Field(ge=0, le=100_000)]
+Watts = Annotated[float, Quantity(0.0, 2000.0, "W")]  # of its own: compiled, the other one is no type in a union
 
 
 class Charger(Config):
@@ -74,7 +75,7 @@ class Supply(Config):
     """Instead of the source resistance while current flows back: the less the battery takes, the higher it is."""
     capacity_scale: Scale = 1.0
     """True capacity of the battery that the robot file describes, as a multiple of it."""
-    idle_w: Annotated[float, Quantity(0.0, 2000.0, "W")] | None = None
+    idle_w: Watts | None = None
     """Truly taken all the time; None: as the battery of the robot file says. Without one: 0."""
     capacitance_f: Annotated[float, Quantity(1e-5, 10.0, "F")] = 0.01
     """Of all drives together."""

@@ -17,11 +17,12 @@ from artemis.values import Event, Fault, Snapshot, Wish
 
 def ask(step: BehaviourStep, snapshot: Snapshot, state: str, *, start: bool) -> Answered | Fault:
     """The answer of a step's behaviour, which is started first where that is wanted; or what it did instead."""
-    doing = "start: " if start else ""
+    doing = "start: "
     try:
         if start:
             step.behaviour.start(snapshot, state_from(state))
-        doing, answer = "", step.behaviour.step(snapshot)
+        doing = ""
+        answer = step.behaviour.step(snapshot)
         found = answered(answer, step.declared)
     except PLUGIN_ERRORS as error:
         return catalogue.fault("PLG-02", step.name, f"{doing}{told(error)}")
@@ -90,9 +91,6 @@ class Observing:
     def ask(self, snapshot: Snapshot, wish: Wish) -> Wish:
         """The mode's wish, with what they told; or with the first fault of theirs, if it has none."""
         running, steps = self._shared.beside, self._shared.plan.steps
-        if not running:
-            self._started.clear()
-            return wish
         self._started &= running.keys()
         for number, state in running.items():
             step = steps[number]

@@ -12,6 +12,7 @@ from msgspec import Struct, json
 from msgspec.structs import replace
 
 from artemis.progress import DONE, Acted, MissionEvent, Position, SignalValue
+from artemis.states.answers import given_answer
 from artemis.states.condition import Condition, Signals, holds
 from artemis.states.tree import (
     FAULT,
@@ -29,7 +30,6 @@ from artemis.states.tree import (
     Together,
     Tree,
     Try,
-    names_of,
 )
 
 
@@ -131,7 +131,7 @@ class _Advance:
         told = self._told
         if self._forgotten:
             told = tuple(signal for signal in told if signal.name not in self._forgotten)
-        after = replace(position, fault="", answer=self._answer, told=told)
+        after = replace(position, faults=(), answer=self._answer, told=told)
         if outcome:
             ended = "" if outcome in (DONE, f"!{DONE}") else outcome.removeprefix("!")
             after = replace(after, step=tree.size, done=0.0, state="", place="", ended=ended)
@@ -153,7 +153,7 @@ class _Advance:
     @property
     def _stands(self) -> bool:
         """The robot stands, and no fault is to be told to its step first; steps beside others do not move it."""
-        return self._beside or (self._facts.standing and not self._position.fault)
+        return self._beside or (self._facts.standing and not self._position.faults)
 
     def _holds(self, condition: Condition) -> bool:
         return holds(condition, self._signals)
@@ -222,16 +222,16 @@ class _Advance:
             self._step, self._done, self._state, self._begun = number, done, state, True
 
     def _outcome(self, leaf: Leaf, done: float) -> str:
-        fault = f"{FAULT}:{self._position.fault}" if self._position.fault else ""
-        if fault and not self._beside and any(each.catches(fault) for each in self._tries):
-            return fault
+        for fault in self._position.faults if not self._beside else ():
+            if any(each.names(f"{FAULT}:{fault}") for each in self._tries):
+                return f"{FAULT}:{fault}"
         if self._facts.outcome and not self._beside:
             return self._facts.outcome
         step = self._passive[leaf.number]
         if step is None:
             return ""
         for answer in self._facts.answers if step.answers else ():
-            if given := _answer(answer, step.answers):
+            if given := given_answer(answer, step.answers):
                 self._answer = self._signals["answer"] = given
                 return DONE
         if step.seconds is not None and done >= step.seconds:
@@ -288,13 +288,14 @@ class _Advance:
             self._tries.pop()
             if outcome in ("", DONE) or outcome.startswith("!"):
                 return Place((attempt, branch), (inner,)), outcome
-            names, inner = names_of(outcome), Place()
-            again = not outcome.startswith(FAULT) if node.again_on is None else not names.isdisjoint(node.again_on)
+            names, inner = node.names(outcome), Place()
+            again = not outcome.startswith(FAULT) if node.again_on is None else any(n in node.again_on for n in names)
             if again and attempt < node.retries:
                 attempt, branch = attempt + 1, 0 if node.between is not None else -1
                 self._tell("retry", node.path, f"{attempt} of {node.retries} after {outcome}")
                 continue
-            branch = next((index for index, (name, _) in enumerate(node.catch, start=1) if name in names), -1)
+            caught = [name for name, _ in node.catch]
+            branch = next((1 + caught.index(name) for name in names if name in caught), -1)
             if branch < 0:
                 return Place(), outcome
             self._tell("caught", node.path, outcome)
@@ -389,10 +390,3 @@ def states_in(position: Position) -> Iterator[tuple[int, str]]:
         places += place.within
         if not place.within and len(place.numbers) == 3 and isinstance(state := place.numbers[2], str):
             yield int(place.numbers[1]), state
-
-
-def _answer(given: str, answers: Sequence[str]) -> str:
-    """What was meant by an answer, or by its number from 1; empty: none of these."""
-    if given.isdecimal() and 1 <= int(given) <= len(answers):
-        return answers[int(given) - 1]
-    return given if given in answers else ""

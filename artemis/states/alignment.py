@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
+from math import inf
 
 from msgspec.structs import replace
 
@@ -36,6 +37,8 @@ STEER_TIME = 12.0
 """Longest time for one of the turns [s]: from lock to straight takes 2.3 s at 33 degrees a second."""
 LOOK_TIME = 0.1
 """Between two looks at drives that exchange no process data [s]."""
+LATE = 0.5
+"""A drive that is still off after so long [s] is asked for the reason, before it is late (COM-03)."""
 OFF_TIME, OFF_LIMIT = 0.2, 1.0
 """Drives that stand are off within the first [s]; after the second [s] everything has been tried."""
 
@@ -61,7 +64,7 @@ def align(shared: Shared, snapshot: Snapshot) -> Routine:
     snapshot = yield from do(OFF, shared.bring_up.jobs(JobKind.REFERENCE, names, angles), snapshot)
     snapshot = yield from do(OFF, shared.bring_up.jobs(JobKind.CLEAR_TARGET, shared.plan.drives()), snapshot)
     shared.bring_up.taken = shared.plan.blind
-    snapshot = yield from enable(shared.plan, STEERING_ON, snapshot)
+    snapshot = yield from enable(shared, STEERING_ON, snapshot)
     if shared.plan.blind:
         return snapshot
     errors: dict[str, list[float]] = {name: [] for name in names}
@@ -77,12 +80,13 @@ def align(shared: Shared, snapshot: Snapshot) -> Routine:
     angles = [positions[name] + correction for name, correction in corrections.items()]
     snapshot = yield from do(STEERING_ON, shared.bring_up.jobs(JobKind.REFERENCE, names, angles), snapshot)
     snapshot = yield from steer(shared.plan, 0.0, snapshot, {})
-    return (yield from enable(shared.plan, ON, snapshot))
+    return (yield from enable(shared, ON, snapshot))
 
 
 def do(wish: Wish, jobs: tuple[Job, ...], snapshot: Snapshot) -> Routine:
     """Have jobs of one kind done; one that fails is a fault."""
-    results, snapshot = yield from finish_jobs(replace(wish, phase=jobs[0].kind.value), jobs)
+    first, *_ = jobs
+    results, snapshot = yield from finish_jobs(replace(wish, phase=first.kind.value), jobs)
     for result in results:
         if not result.ok:
             raise Failed(wish, catalogue.fault(result.fault, result.drive, result.detail))
@@ -91,13 +95,42 @@ def do(wish: Wish, jobs: tuple[Job, ...], snapshot: Snapshot) -> Routine:
     return snapshot
 
 
-def enable(plan: Plan, wish: Wish, snapshot: Snapshot) -> Routine:
-    """Enable the drives that `wish` wants enabled, wheels held; the supervisor judges one that takes too long."""
-    steering = frozenset(plan.drives("steering"))
+def enable(shared: Shared, wish: Wish, snapshot: Snapshot) -> Routine:
+    """Enable the drives that `wish` wants enabled, wheels held; the supervisor judges one that takes too long.
+
+    One that stays off, without a fault, is asked for the reason before.
+    """
+    steering, asked = frozenset(shared.plan.drives("steering")), snapshot.time + LATE
     goals = {drive.name: wish.steering if drive.name in steering else wish.traction for drive in snapshot.sensed.drives}
-    while any(goals[drive.name] is Goal.ENABLED and not _is_on(drive) for drive in snapshot.sensed.drives):
+    while waiting := [d for d in snapshot.sensed.drives if goals[d.name] is Goal.ENABLED and not _is_on(d)]:
         command = DriveCommand(steering=snapshot.set_points.steering)
-        snapshot = yield replace(wish, command=command, phase="enabling")
+        wanted = replace(wish, command=command, phase="enabling")
+        if snapshot.time >= asked and any(drive.state is DriveState.SWITCH_ON_DISABLED for drive in waiting):
+            asked = inf
+            snapshot = yield from _ask_why(shared, wanted, snapshot)
+        else:
+            snapshot = yield wanted
+    return snapshot
+
+
+def _ask_why(shared: Shared, wish: Wish, snapshot: Snapshot) -> Routine:
+    """Read the state of the inputs that keep a drive off, of all drives that show it.
+
+    Raises:
+        Failed: STO inputs are open: of all drives (EST-01), or of one (DRV-29).
+    """
+    drives = shared.plan.robot.drives
+    names = [name for name, drive in drives.items() if drive.tables.sto is not None]
+    if not names:
+        return (yield wish)
+    results, snapshot = yield from finish_jobs(wish, shared.bring_up.jobs(JobKind.READ_STO, names))
+    found = [result for result in results if result.values]
+    if len(found) == len(drives) > 1:
+        raise Failed(OFF, catalogue.fault("EST-01", "", "the STO inputs of all drives are open"))
+    if found:
+        others = f"; open at {', '.join(result.drive for result in found[1:])}, too" if found[1:] else ""
+        seen = f"its STO inputs are open: they read 0x{found[0].values[0]:02X}{others}"
+        raise Failed(OFF, catalogue.fault("DRV-29", found[0].drive, seen))
     return snapshot
 
 
@@ -170,17 +203,16 @@ def _seek_edges(plan: Plan, snapshot: Snapshot) -> Generator[Wish, Snapshot, tup
     Those whose family tells no step of its analog inputs are not among them, nor those of which no edge is seen.
     """
     edges: dict[str, StepEdges] = {}
-    step = 0.0
+    steps: list[float] = []
     for name in plan.drives("steering"):
         drive = plan.robot.drives[name]
         if drive.tables.analog_step is not None:
             calibration = plan.robot.potentiometers(drive.side)
             edges[name] = StepEdges(calibration, drive.tables.analog_step)
-            step = max(
-                step, *(math.radians(abs(slope)) * drive.tables.analog_step for slope in calibration.slope_deg_per_v)
-            )
+            steps += [math.radians(abs(slope)) * drive.tables.analog_step for slope in calibration.slope_deg_per_v]
     if not edges:
         return {}, snapshot
+    step = max(steps)
     for tick in range(round(6 * STEPS * STEP_TICKS)):  # ahead, to the left end, the right, the left, and back
         place = step * (abs((tick / STEP_TICKS - STEPS) % (4 * STEPS) - 2 * STEPS) - STEPS)
         snapshot = yield replace(STEERING_ON, command=DriveCommand(steering=place), phase="aligning")

@@ -24,13 +24,13 @@ class CalibrateMode(RoutineMode):
             case GainsStep() as step:
                 snapshot = yield from try_gains(shared, step, snapshot)
             case TurnStep() as step:
-                snapshot = yield from turn(plan, step, snapshot)
+                snapshot = yield from turn(shared, step, snapshot)
             case _ if plan.robot.has_potentiometers:
                 snapshot = yield from align(shared, snapshot)
         is_last = shared.tree.is_list and shared.current is plan.steps[-1]
         if plan.blind or (type(shared.current) is not CalibrateStep and is_last):
             yield replace(OFF, event=Event.END, over=True, phase="calibrated")
-        snapshot = yield from enable(plan, ON, snapshot)
+        snapshot = yield from enable(shared, ON, snapshot)
         stand = replace(ON, command=DriveCommand(steering=snapshot.set_points.steering))
         yield replace(stand, event=Event.DONE, over=True, phase="aligned")
         while True:

@@ -15,6 +15,7 @@ from typing import Any
 from msgspec import Struct
 
 from artemis.errors import ConfigError, similar
+from artemis.progress import CONDITION_WORDS
 
 Value = float | str | bool
 Signals = Mapping[str, Value]
@@ -24,7 +25,6 @@ MAX_DEPTH = 50
 _TOKEN = re.compile(
     r"\s*(?:([0-9]+\.?[0-9]*)|([a-z][a-z0-9_-]*(?:\.[a-z_]+)?)|(<=|>=|==|!=|<|>|\(|\)|-)|('[^']*')|(\S))"
 )
-_WORDS = ("and", "or", "not")
 _RELATIONS: Mapping[str, Callable[[Any, Any], bool]] = {
     "<": operator.lt,
     "<=": operator.le,
@@ -109,6 +109,11 @@ def comparisons(condition: Condition) -> Iterator[Has | Compare]:
         yield from comparisons(part)
 
 
+def names_asked(text: str) -> set[str]:
+    """The signals that a text asks for, whether or not it is a condition."""
+    return {name for _, name, *_ in _TOKEN.findall(text) if name and name not in CONDITION_WORDS}
+
+
 def parse(text: str, declared: Mapping[str, SignalKind]) -> Condition:
     """The condition that a mission writes.
 
@@ -126,7 +131,7 @@ class _Parser:
         for number, name, mark, quoted, other in _TOKEN.findall(text):
             if other:
                 raise self._wrong(f"cannot read {other!r}")
-            kind = "number" if number else "text" if quoted else "mark" if mark or name in _WORDS else "name"
+            kind = "number" if number else "text" if quoted else "mark" if mark or name in CONDITION_WORDS else "name"
             self._tokens.append((kind, number or name or mark or quoted))
 
     def result(self) -> Condition:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from math import inf
 
 from msgspec.structs import replace
 
+from artemis.battery import BatteryState
 from artemis.drive_states import Goal
 from artemis.errors import ConfigError
-from artemis.motion.planned_route import planned_route
+from artemis.motion.planned_route import unpacked_route
 from artemis.motion.route import Route
-from artemis.motion.track import Track
 from artemis.plugins.contracts import Following
 from artemis.progress import SHORT
 from artemis.states.blocked import is_blocked
@@ -19,6 +18,7 @@ from artemis.states.gains import OscillationDetector
 from artemis.states.mode import stand
 from artemis.states.parts import PartByPart
 from artemis.states.plan import FollowStep, GotoStep, Shared
+from artemis.states.way_ahead import way_ahead
 from artemis.supervision import catalogue
 from artemis.values import Event, Fault, Pose, Severity, Snapshot, Tracking, Wish
 
@@ -32,6 +32,8 @@ SLACK, SLOWEST = 10.0, 0.05
 the first [s] (PTH-08)."""
 CONTRADICTED = 0.35
 """Fixes may contradict the pose for so long [s] (LOC-02)."""
+CERTAIN = 5.0
+"""A range that is shorter than what is left, by more than its standard deviation, for so long [s] ends a step."""
 AT_END, OVERRUN = 0.01, 0.2
 """So close to its end [m] a part is over; a follower must not drive on for more than the second [m] (PTH-08)."""
 
@@ -41,31 +43,38 @@ _ENABLED = Goal.ENABLED
 class FollowMode:
     """Asks the follower at each tick. A step that was interrupted goes on where it stopped."""
 
+    _entry: int  # this and the next belong to the step that has begun
+    _planned: tuple[int, ...]
+    _spent: float
+    _longest: float
+    _last: float | None  # and these to what was entered last
+    _way: float
+    _outside: float
+    _armed: bool
+    _short: str
+    _after: float
+    _lacking: float
+    _over: float | None
+    _shaking: OscillationDetector | None
+
     def __init__(self, shared: Shared) -> None:
         self.shared = shared
         self._begun: FollowStep | None = None
-        self._entry, self._planned = 0, shared.planned
         self._drive: PartByPart | None = None
         self._fault: Fault | None = None
-        self._last: float | None = None
-        self._way = self._outside = 0.0
-        self._armed, self._short = False, ""
-        self._over: float | None = None
-        self._shaking: OscillationDetector | None = None
-        self._spent, self._longest = 0.0, inf
 
     def enter(self, snapshot: Snapshot) -> None:
         """Begin what is left of the path, unless the follower is on its way already."""
         step = self.shared.current
-        self._shaking = (
-            OscillationDetector(self.shared.plan, tried, snapshot) if (tried := self.shared.results.tried) else None
-        )
+        tried = self.shared.results.tried
+        self._shaking = OscillationDetector(self.shared.plan, tried, snapshot) if tried else None
         self._fault, self._last, self._armed, self._over, self._short = None, None, False, None, ""
+        self._lacking = 0.0
         if not isinstance(step, FollowStep):
             return
-        begun = step is self._begun and self._entry == self.shared.entry and self._planned is self.shared.planned
-        if begun and self._drive is not None:
-            self._drive.go_on()
+        begun = step is self._begun and self._entry == self.shared.entry and self._planned is self.shared.route.planned
+        if (drive := self._drive if begun else None) is not None:
+            drive.go_on()
             return
         try:
             route = self._route(step)
@@ -73,12 +82,12 @@ class FollowMode:
             self._fault = catalogue.fault("PTH-01", "", "; ".join(error.problems), Severity.CONTROLLED_STOP)
             return
         rest = self._rest(route, step, snapshot.pose.pose)
-        needed = rest.length + self.shared.plan.length_after(self.shared.position.step)
-        if (battery := snapshot.battery) is not None and needed > battery.range_m:
-            self._short = f"{needed:.0f} m to drive, the battery reaches {battery.range_m:.0f} m"
+        self._after = way_ahead(self.shared.tree, self.shared.position, self.shared.plan.length_of)
+        if (battery := snapshot.battery) is not None and rest.length + self._after > battery.range_m:
+            self._short = _too_far(rest.length + self._after, battery)
         self._drive = PartByPart(step.follower, rest, route.length - rest.length, self.shared.plan.robot)
         self._longest = 2 * route.duration(step.speed or SLOWEST) + SLACK * len(route.parts)
-        self._begun, self._entry, self._planned, self._spent = step, self.shared.entry, self.shared.planned, 0.0
+        self._begun, self._entry, self._planned, self._spent = step, self.shared.entry, self.shared.route.planned, 0.0
 
     def step(self, snapshot: Snapshot) -> Wish:
         """The follower's command; done when it has finished and the robot stands."""
@@ -96,13 +105,16 @@ class FollowMode:
         if isinstance(following, Fault):
             return stand(snapshot, fault=following)
         tracking = following.tracking
+        self._watch_battery(tracking, snapshot)
         if fault := self._off_path(tracking, snapshot.odometry.distance, step.max_cross_track):
             return stand(snapshot, fault=fault, tracking=tracking)
         return replace(self._on_path(drive, following, snapshot), tracking=tracking, done=max(tracking.arc_length, 0.0))
 
     def _on_path(self, drive: PartByPart, following: Following, snapshot: Snapshot) -> Wish:
         """As the follower says, unless it is at the end, or something is wrong."""
-        if self.shared.rests or (isinstance(self.shared.current, GotoStep) and not self.shared.planned):  # another goal
+        if self.shared.rests or (
+            isinstance(self.shared.current, GotoStep) and not self.shared.route.planned
+        ):  # another goal
             return stand(snapshot, event=Event.DONE if snapshot.standing else None)
         if following.finished:  # whatever the follower still commands
             return replace(stand(snapshot, event=Event.DONE), over=True) if snapshot.standing else stand(snapshot)
@@ -113,21 +125,23 @@ class FollowMode:
             return stand(snapshot, fault=fault)
         return Wish(command=following.command, traction=_ENABLED, steering=_ENABLED, phase="following")
 
+    def _watch_battery(self, tracking: Tracking, snapshot: Snapshot) -> None:
+        """What is left to drive is certainly more than the battery reaches, for some time: the step is to end."""
+        battery, needed = snapshot.battery, tracking.length - tracking.arc_length + self._after
+        lacks = battery is not None and needed > battery.range_m + battery.range_std_m
+        self._lacking = self._lacking + snapshot.dt if lacks else 0.0
+        if battery is not None and self._lacking > CERTAIN:
+            self._short = _too_far(needed, battery)
+
     def _route(self, step: FollowStep) -> Route:
-        """The step's route; one that was recorded in this run, or planned, is made now.
+        """The step's route; of what was planned, or recorded in this run, it is in the newest job's result.
 
         Raises:
-            ConfigError: nothing was recorded that can be followed.
+            ConfigError: several laps are wanted of one that is open.
         """
         if isinstance(step.route, Route):
             return step.route
-        robot = self.shared.plan.robot
-        if isinstance(step, GotoStep):
-            return planned_route(
-                self.shared.planned, robot, robot.limits.speed_m_s if step.speed is None else step.speed
-            )
-        track = self.shared.results.tracks.get(step.route, Track())
-        route = track.route(robot, step.speed, step.close_within, step.round_corners, step.allow_slowdown)
+        route = unpacked_route(self.shared.route.planned)
         return route.directed(from_end=step.from_end, backward=step.backward).with_laps(step.laps)
 
     def _rest(self, route: Route, step: FollowStep, pose: Pose) -> Route:
@@ -174,6 +188,10 @@ def place_fault(snapshot: Snapshot, *, localized: bool) -> Fault | None:
     if not localized:
         return catalogue.fault("RUN-08")
     return catalogue.fault("LOC-01", "", "no fix yet" if pose.age is None else f"the last fix is {pose.age:.1f} s old")
+
+
+def _too_far(needed: float, battery: BatteryState) -> str:
+    return f"{needed:.0f} m to drive, the battery reaches {battery.range_m:.0f} m"
 
 
 def _seen(tracking: Tracking) -> str:

@@ -55,7 +55,7 @@ def try_gains(shared: Shared, step: GainsStep, snapshot: Snapshot) -> Routine:
     shared.results.tried.update(step.gains)
     snapshot = yield from do(off, _jobs(shared.bring_up, step.gains), snapshot)
     snapshot = yield from do(off, shared.bring_up.jobs(JobKind.CLEAR_TARGET, shared.plan.drives()), snapshot)
-    snapshot = yield from enable(shared.plan, STEERING_ON, snapshot)
+    snapshot = yield from enable(shared, STEERING_ON, snapshot)
     swings, straight = _swings(shared.plan), False
     while not straight:
         snapshot = yield from _hold(shared.plan, 0.0, REST, "straightening", swings, snapshot)
@@ -84,13 +84,14 @@ class OscillationCounter:
         return len(self._turned)
 
 
-def turn(plan: Plan, step: TurnStep, snapshot: Snapshot) -> Routine:
+def turn(shared: Shared, step: TurnStep, snapshot: Snapshot) -> Routine:
     """Rest, turn, rest, and turn back, traction off; no faster than the gate lets wheels turn."""
+    plan = shared.plan
     car = Ackermann(plan.robot.geometry)
     target = car.steering_from_left(step.angle) if step.side == "left" else car.steering_from_right(step.angle)
     held = replace(STEERING_ON, command=DriveCommand(steering=snapshot.set_points.steering))
     snapshot = yield from _switch_off(held, plan.drives("traction"), snapshot)
-    snapshot = yield from enable(plan, STEERING_ON, snapshot)
+    snapshot = yield from enable(shared, STEERING_ON, snapshot)
     swings = _swings(plan)
     for wanted, seconds, phase in ((0.0, REST, "at rest"), (target, WATCH, "turning"), (0.0, WATCH, "turning back")):
         snapshot = yield from _hold(plan, wanted, seconds, phase, swings, snapshot)

@@ -60,7 +60,7 @@ def find_angles(shared: Shared, snapshot: Snapshot) -> Routine:
         case _:
             return (yield from align(shared, snapshot))
     snapshot = yield from steer(shared.plan, 0.0, snapshot, {})
-    return (yield from enable(shared.plan, ON, snapshot))
+    return (yield from enable(shared, ON, snapshot))
 
 
 def _ask_straight(snapshot: Snapshot) -> Routine:
@@ -78,7 +78,7 @@ def _take(shared: Shared, angles: Sequence[float], snapshot: Snapshot) -> Routin
     names = shared.plan.drives("steering")
     snapshot = yield from do(OFF, shared.bring_up.jobs(JobKind.REFERENCE, names, angles), snapshot)
     snapshot = yield from do(OFF, shared.bring_up.jobs(JobKind.CLEAR_TARGET, shared.plan.drives()), snapshot)
-    return (yield from enable(shared.plan, STEERING_ON, snapshot))
+    return (yield from enable(shared, STEERING_ON, snapshot))
 
 
 def _shown(shared: Shared, snapshot: Snapshot) -> list[float]:
@@ -92,7 +92,7 @@ def _shown(shared: Shared, snapshot: Snapshot) -> list[float]:
     for name in shared.plan.drives("steering"):
         side = robot.drives[name].side
         source = robot.angle_source(side)
-        assert isinstance(source, AbsoluteEncoder), "checked when the file was read: all sides have the same"
+        assert isinstance(source, AbsoluteEncoder)  # checked when the file was read: all sides have the same
         angle = encoder_angle(_drive(snapshot, name).angle_sensor, source)
         right, left = (each[side == "right"] for each in ends)
         if not right - BEYOND <= angle <= left + BEYOND:
@@ -155,7 +155,9 @@ def _from_switch(shared: Shared, source: HomeSwitch, snapshot: Snapshot) -> Rout
 
     found, snapshot = yield from _turn(shared, begin, end, CREEP, is_on, phase, snapshot)
     if not found:
-        raise Failed(STEERING_ON, catalogue.fault("CAL-03", name, "its home switch does not go on where it did before"))
+        raise Failed(
+            STEERING_ON, catalogue.fault("CAL-03", name, "its home switch closes at another place than before")
+        )
     edge = (positions[-2] + positions[-1]) / 2.0
     wish = replace(OFF, command=DriveCommand(steering=snapshot.set_points.steering))
     snapshot = yield from switch_off(shared, wish, snapshot)

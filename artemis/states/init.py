@@ -39,8 +39,9 @@ NO_ANSWER = "COM-08"
 
 SILENT = Wish(heartbeat=False, exchange=False, supervised=False)
 WAKING = Wish(supervised=False, phase="first contact")
-WITHHOLDING = Wish(heartbeat=False, supervised=False, phase="proving the watchdog")
-RESETTING = Wish(traction=Goal.FAULT_RESET, steering=Goal.FAULT_RESET, supervised=False, phase="proving the watchdog")
+PROOF = "proving the watchdog"
+WITHHOLDING = Wish(heartbeat=False, supervised=False, phase=PROOF)
+RESETTING = Wish(traction=Goal.FAULT_RESET, steering=Goal.FAULT_RESET, supervised=False, phase=PROOF)
 
 
 class InitMode(RoutineMode):

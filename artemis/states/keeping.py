@@ -29,16 +29,15 @@ def keep(shared: Shared, wanted: Mapping[str, tuple[int, ...]], snapshot: Snapsh
     if fault := failure(before):
         raise Failed(OFF, fault)
     done: list[str] = []
-    job_for = shared.bring_up.job
     for name, numbers in wanted.items():
         if max(map(abs, numbers)) >= LARGEST:
             fault = catalogue.fault("CAL-01", name, f"too large for the drive's memory: {memory_words(numbers)}")
             raise Failed(OFF, fault)
-        for job in job_for(JobKind.WRITE_CALIBRATION, name, *numbers), job_for(JobKind.STORE, name):
-            results, snapshot = yield from finish_jobs(replace(OFF, phase=f"{job[0].kind.value} {name}"), job)
-            if not results[0].ok:
-                told = _told(results[0], before, done)
-                raise Failed(OFF, catalogue.fault("CAL-01", name, told))
+        for kind, values in ((JobKind.WRITE_CALIBRATION, numbers), (JobKind.STORE, ())):
+            job = shared.bring_up.job(kind, name, *values)
+            (result,), snapshot = yield from finish_jobs(replace(OFF, phase=f"{kind.value} {name}"), job)
+            if not result.ok:
+                raise Failed(OFF, catalogue.fault("CAL-01", name, _told(result, before, done)))
         shared.results.kept[name] = numbers
         done.append(name)
     return snapshot

@@ -26,10 +26,10 @@ from artemis.states.teleop import TeleopMode
 from artemis.supervision import catalogue
 from artemis.values import Action, Cause, Event, Mode, Request, Severity, Snapshot, Verdict, Wish
 
-_STOPS = (Event.STOP, Event.FAULT)
 _END, _END_REQUEST, _QUICKSTOP_REQUEST, _QUICKSTOP = Event.END, Request.END, Request.QUICKSTOP, Mode.QUICKSTOP
 RUNNING = (Mode.READY, *STEP_MODES)
 """Modes in which the mission runs; in all others it is as it was."""
+_STOPPED = (Mode.QUICKSTOP, Mode.FAULT)
 _UNDER_WAY = (Mode.READY, Mode.FOLLOW)
 """Modes of a step `goto`."""
 _CONTROLLED_STOP, _QUICK_STOP, _OFF = Severity.CONTROLLED_STOP, Severity.QUICK_STOP, Severity.OFF
@@ -52,6 +52,7 @@ class Modes:
         self.failed = False
         self.events: tuple[MissionEvent, ...] = ()
         self._stopped_for = Severity.NONE
+        self._step_stopped = False  # the robot is stopped in a step, not in its bring-up
         self._beside = Observing(shared)
         self._logic: dict[Mode, ModeLogic] = {
             Mode.INIT: InitMode(shared),
@@ -77,11 +78,11 @@ class Modes:
             self._shared.bring_up.held = True
         for cause in self._causes(verdict, requests, wished):
             if self._machine.fire(cause.event):
-                self.mode = self._machine.mode
+                before, self.mode = self.mode, self._machine.mode
+                if self.mode not in _STOPPED or before in RUNNING:
+                    self._step_stopped = self.mode in _STOPPED
                 if cause.event is Event.END and (self._shared.current is not None or verdict.stops):
                     self.failed = True
-                if cause.event in _STOPS and cause.faults:
-                    self._shared.note_fault(cause.faults[0].id)
                 self._stopped_for = verdict.severity if self.mode is Mode.QUICKSTOP else Severity.NONE
                 self._logic[self.mode].enter(snapshot)
                 return cause
@@ -116,6 +117,8 @@ class Modes:
     def step(self, snapshot: Snapshot) -> Wish:
         """What the present mode wants of this tick, unless nothing but power off is left."""
         shared, verdict, self.events = self._shared, snapshot.verdict, ()
+        if verdict.stops and self._step_stopped:
+            shared.note_faults(verdict.stopping)
         told = take_goal(shared, snapshot) if self.mode in _UNDER_WAY else ()
         wish = self._logic[self.mode].step(snapshot)
         self.failed = self.failed or wish.failed

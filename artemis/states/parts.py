@@ -73,7 +73,6 @@ class PartByPart:
         self._follower, self._route, self._driven = follower, route, driven
         self._limit = math.radians(robot.limits.steering_deg)
         self._patience = 3 * robot.limits.steering_deg / robot.limits.steering_rate_wheel_deg_s
-        self.end = driven + route.length
         self._begin(0)
 
     def _begin(self, index: int) -> None:
@@ -81,6 +80,7 @@ class PartByPart:
         parts = self._route.parts
         self._index, self._part = index, parts[index]
         self._before = self._driven + self._route.begins[index]
+        self.end = self._before + self._part.path.length
         self._after = total(part.path.length for part in parts[index + 1 :])
         self._started = self._finished = False
         self.go_on()

@@ -12,20 +12,18 @@ from msgspec.structs import replace
 
 from artemis.motion.route import Route
 from artemis.motion.steering_fit import SteeringFit, SteeringZero
-from artemis.motion.totals import total
 from artemis.motion.track import Track
 from artemis.plugins.contracts import Behaviour, Declared, Follower
-from artemis.progress import DONE, MissionEvent, Position
+from artemis.progress import DONE, Acted, MissionEvent, Position
 from artemis.scan import ObstacleRules
 from artemis.states.advance import MissionFacts, Passive, advance, told_after
-from artemis.states.condition import Condition
-from artemis.states.tree import Tree, list_of
+from artemis.states.answers import answers_to
+from artemis.states.route_progress import RouteProgress
+from artemis.states.tree import Tree, fault_names, list_of
+from artemis.supervision.catalogue import ROWS
 from artemis.supervision.policy import Policies
-from artemis.values import Job, JobKind, Pose, Request, Snapshot, Wish
+from artemis.values import Fault, Job, JobKind, Pose, Request, Snapshot, Wish
 from artemis.vehicle import RobotFile
-
-SAME_PLACE = 0.1
-"""On a route: nearer than this the robot stands where it stood [m]."""
 
 
 class CalibrateStep(Struct, frozen=True, kw_only=True):
@@ -41,7 +39,7 @@ class FollowStep(Struct, frozen=True, kw_only=True):
     """Follow a path to its end; `max_cross_track` [m] is where the robot counts as lost."""
 
     route: Route | str
-    """A text: the path that was recorded under this name in an earlier step."""
+    """A text: the path that was recorded under this name in an earlier step; a job fits it, by the step's number."""
     follower: Follower
     laps: int = 1
     """Of a path that is recorded first, like the next two; another one has its own."""
@@ -49,12 +47,6 @@ class FollowStep(Struct, frozen=True, kw_only=True):
     """From its last point to its first."""
     backward: bool | None = None
     """Begin with the rear ahead, or not; None: as it was driven."""
-    close_within: float = 0.0
-    """A recorded path that ends so near its beginning [m] is closed."""
-    round_corners: float = 0.0
-    """How far a recorded path may be left at a corner that is too sharp [m]."""
-    allow_slowdown: bool = False
-    """Drive a recorded path slower where the steering needs it."""
     nearest: bool = False
     """Begin at the point of the path that is nearest to the robot."""
     max_cross_track: float = 0.6
@@ -98,20 +90,14 @@ class TeleopStep(Struct, frozen=True, kw_only=True):
         return self.input, *self.lower
 
 
-class WaitStep(Struct, frozen=True, kw_only=True):
-    """Stand still: for `seconds`, or until a condition holds, then with `timeout` after `at_most` [s]."""
-
-    seconds: float | None = None
-    condition: Condition | None = None
-    at_most: float | None = None
+class WaitStep(Passive, frozen=True, kw_only=True):
+    """Stand still for a time, or until a condition holds."""
 
 
-class AskStep(Struct, frozen=True, kw_only=True):
-    """Stand still until somebody answers, or end with `timeout` after `at_most` [s]."""
+class AskStep(Passive, frozen=True, kw_only=True):
+    """Stand still until somebody answers."""
 
     question: str
-    answers: tuple[str, ...]
-    at_most: float | None = None
 
 
 class BehaviourStep(Struct, frozen=True, kw_only=True):
@@ -126,16 +112,6 @@ class BehaviourStep(Struct, frozen=True, kw_only=True):
 
 
 Step = CalibrateStep | FollowStep | TeleopStep | WaitStep | AskStep | BehaviourStep
-
-
-def _passive(step: Step) -> Passive | None:
-    """What ends a step that moves nothing."""
-    match step:
-        case WaitStep():
-            return Passive(seconds=step.seconds, condition=step.condition, at_most=step.at_most)
-        case AskStep():
-            return Passive(answers=step.answers, at_most=step.at_most)
-    return None
 
 
 def with_followers(steps: Iterable[Step], change: Callable[[Follower], Follower]) -> tuple[Step, ...]:
@@ -218,12 +194,10 @@ class Plan(Struct, frozen=True, kw_only=True):
         steps = [step for step in self.steps if isinstance(step, TeleopStep)]
         return frozenset(name for step in steps for name in step.lower) - {step.input for step in steps}
 
-    def length_after(self, step: int) -> float:
-        """Of the paths that a list of steps follows after one of them [m], as far as they are known."""
-        later = self.steps[step + 1 :] if self.tree is None or self.tree.is_list else ()
-        return total(
-            each.route.length for each in later if isinstance(each, FollowStep) and isinstance(each.route, Route)
-        )
+    def length_of(self, step: int) -> float:
+        """Of the path that a step follows [m]; 0: it has none, or it is made only when the step begins."""
+        found = self.steps[step]
+        return found.route.length if isinstance(found, FollowStep) and isinstance(found.route, Route) else 0.0
 
     def drives(self, role: str | None = None) -> list[str]:
         """Names of all drives, or of those with `role`."""
@@ -300,16 +274,10 @@ class Shared:
         self.entry = 0
         """How many steps have begun, or were gone on with after another one: a mode sees that its step is a new one."""
         self.rests = False  # the present step is to come to rest, for something else is next
-        self.planned: tuple[int, ...] = ()
-        """The newest route of the present step (`motion.planned_route.packed`); none: it has to be planned."""
-        self.replans, self.replanning = 0, False
-        """So often it was planned anew for an obstacle; and whether it is to be, now that the robot stands."""
-        self.stood = 0.0, 0.0
-        """Where on it the robot stood when it looked for another one last [m], and for how long in all [s]."""
-        self.goals: dict[int, Pose] = {}  # that steps were given, by their numbers; until such a step begins anew
+        self.route = RouteProgress(self._goto_state)  # of the present step, if its path is made by jobs
         self.beside: Mapping[int, str] = {}
         """Steps that run beside the present one, each with the state of its behaviour (JSON; empty: it begins)."""
-        self._passive = [_passive(step) for step in plan.steps]
+        self._passive = [step if isinstance(step, Passive) else None for step in plan.steps]
 
     @property
     def current(self) -> Step | None:
@@ -331,40 +299,35 @@ class Shared:
         own = step.obstacles if isinstance(step, FollowStep | TeleopStep) else None
         return self.plan.obstacles if own is None else own
 
-    def waited(self, done: float) -> float:
-        """How long the robot has waited at `done` [m] on a planned route before it looked for another one last [s]."""
-        return self.stood[1] if abs(done - self.stood[0]) < SAME_PLACE else 0.0
+    @property
+    def _goto_state(self) -> str:
+        return self.position.state if isinstance(self.current, GotoStep) else ""
 
-    def replan(self, done: float, blocked: float) -> bool:
-        """Have another route planned for an obstacle, if the present step still may; whether it does.
-
-        The robot is at `done` [m] of the present one, and has stood there for `blocked` [s].
-        """
-        step = self.current
-        if not isinstance(step, GotoStep) or not self.planned or self.replans >= step.replans:
-            return False
-        self.stood = done, self.waited(done) + blocked
-        self.replans, self.replanning = self.replans + 1, True
-        return True
-
-    def note_fault(self, fault: str) -> None:
-        """A fault, by its id, stopped the mission: it is told once the robot may go on."""
-        if self.tree.catches_faults and not self.position.fault:
-            self.position = replace(self.position, fault=fault)
+    def note_faults(self, faults: Iterable[Fault]) -> None:
+        """These stop the robot in its step: the mission is told of them once it may go on."""
+        known = self.position.faults
+        named = [fault.id for fault in faults if self.tree.faults.intersection(fault_names(fault.id))]
+        if not set(named).issubset(known):
+            ids = sorted(dict.fromkeys((*known, *named)), key=lambda id: -ROWS[id].severity)
+            self.position = replace(self.position, faults=tuple(ids))
 
     def advance(self, wish: Wish, snapshot: Snapshot, *, standing: bool) -> tuple[MissionEvent, ...]:
         """Move the position after a tick in which the mission ran; what happened in it."""
         position, self.beside = self.position, {}
         if position.step >= self.tree.size:
             return ()
+        sensed = snapshot.sensed
+        given = sensed.answers or sensed.typed
+        answers, over = answers_to(position.step, wish.done, sensed) if given else ((), ())
         acted = {told.step: told for told in wish.acted}
+        if isinstance(self.current, GotoStep) and self.route.state != position.state:
+            acted[position.step] = Acted(step=position.step, state=self.route.state)
         if self.tree.is_list and not (wish.over or wish.outcome or self._passive[position.step]):
-            if wish.done is not None:
-                state, told = position.state, position.told
-                if acted:
-                    state, told = acted[position.step].state, told_after(position, acted)
-                self.position = replace(position, done=wish.done, state=state, told=told)
-            return ()
+            if acted:
+                told = told_after(position, acted)
+                position = replace(position, state=acted[position.step].state, told=told)
+            self.position = position if wish.done is None else replace(position, done=wish.done)
+            return over
         outcome = wish.outcome or (DONE if wish.over else "")
         facts = MissionFacts(
             signals=self._signals(snapshot),
@@ -372,15 +335,15 @@ class Shared:
             standing=standing,
             done=wish.done,
             outcome=outcome,
-            answers=snapshot.sensed.answers,
+            answers=answers,
             acted=acted,
         )
         advanced = advance(self.tree, self._passive, position, facts)
         self.position, self.rests, self.beside = advanced.position, advanced.rests, advanced.beside
         self.entry += advanced.begun
-        if advanced.begun and not self.position.done:
-            self.goals.pop(self.position.step, None)
-        return advanced.events
+        if advanced.begun:
+            self.route = RouteProgress(self._goto_state)
+        return (*over, *advanced.events)
 
     def _signals(self, snapshot: Snapshot) -> dict[str, float | str | bool]:
         sensed, position = snapshot.sensed, self.position

@@ -74,7 +74,7 @@ class QuickstopMode(RoutineMode):
             results, snapshot = yield from finish_jobs(OFF, bring_up.jobs(JobKind.CLEAR_TARGET, plan.drives()))
             if fault := failure(results):
                 raise Failed(OFF, fault)
-        snapshot = yield from enable(plan, ON, snapshot)
+        snapshot = yield from enable(shared, ON, snapshot)
         yield replace(_ramp(snapshot), event=Event.REARMED, phase="armed again")
         while True:
             snapshot = yield _ramp(snapshot)

@@ -74,7 +74,7 @@ def calibrate_steering(shared: Shared, step: SteeringStep, snapshot: Snapshot) -
 
     Traction is off, and both wheels turn as a pair by set-points that pass the gate.
     """
-    snapshot = yield from _release(shared.plan, snapshot)
+    snapshot = yield from _release(shared, snapshot)
     straight: dict[str, tuple[float, float]] = {}
     for side in step.sides:
         if side in step.reference:
@@ -107,7 +107,7 @@ def calibrate_steering(shared: Shared, step: SteeringStep, snapshot: Snapshot) -
         robot = shared.plan.robot
         wanted = {robot.drive_at("steering", side)[0]: memory_numbers(fit.calibration) for side, fit in fits.items()}
         snapshot = yield from keep(shared, wanted, snapshot)
-        snapshot = yield from enable(shared.plan, STEERING_ON, snapshot)
+        snapshot = yield from enable(shared, STEERING_ON, snapshot)
     return snapshot
 
 
@@ -120,7 +120,7 @@ def _tell_zeros(shared: Shared, step: SteeringStep, straight: Mapping[str, float
     snapshot = yield from steer(shared.plan, 0.0, snapshot, {})
     for side, angle in straight.items():
         source = robot.angle_source(side)
-        assert not isinstance(source, Potentiometers | ByHand), "checked when the mission was read"
+        assert not isinstance(source, Potentiometers | ByHand)  # checked when the mission was read
         found = shared.results.zeros[side] = moved(source, angle)
         told = f"{side}: {found.key} {found.before:.4f} -> {found.after:.4f} ({-degrees(angle):+.2f} deg)"
         snapshot = yield _hold(snapshot, told)
@@ -129,14 +129,14 @@ def _tell_zeros(shared: Shared, step: SteeringStep, straight: Mapping[str, float
     return snapshot
 
 
-def _release(plan: Plan, snapshot: Snapshot) -> Routine:
+def _release(shared: Shared, snapshot: Snapshot) -> Routine:
     """Have the driven wheels let go: they shall roll as the steering turns them."""
     latest = snapshot.time + RELEASE_TIME
-    while on := [name for name in plan.drives("traction") if _drive(snapshot, name).state in POWERED]:
+    while on := [name for name in shared.plan.drives("traction") if _drive(snapshot, name).state in POWERED]:
         if snapshot.time > latest:
             raise Failed(STEERING_ON, catalogue.fault("COM-03", on[0], "stays on"))
         snapshot = yield _hold(snapshot, "switching traction off")
-    return (yield from enable(plan, STEERING_ON, snapshot))
+    return (yield from enable(shared, STEERING_ON, snapshot))
 
 
 def _hold(snapshot: Snapshot, phase: str) -> Wish:
@@ -197,10 +197,10 @@ def _take_as_straight(shared: Shared, straight: Mapping[str, float], snapshot: S
 
     Wheels that are no pair by what they count are turned until they are one.
     """
-    names = [shared.plan.robot.drive_at("steering", side)[0] for side in straight]
-    angles = [_drive(snapshot, name).position - zero for name, zero in zip(names, straight.values(), strict=True)]
-    snapshot = yield from do(OFF, shared.bring_up.jobs(JobKind.REFERENCE, names, angles), snapshot)
-    return (yield from enable(shared.plan, STEERING_ON, snapshot))
+    zeros = {shared.plan.robot.drive_at("steering", side)[0]: angle for side, angle in straight.items()}
+    angles = [_drive(snapshot, name).position - zero for name, zero in zeros.items()]
+    snapshot = yield from do(OFF, shared.bring_up.jobs(JobKind.REFERENCE, list(zeros), angles), snapshot)
+    return (yield from enable(shared, STEERING_ON, snapshot))
 
 
 # ---------------------------------------------------------------------------------------------- measuring
@@ -278,10 +278,11 @@ def _judged(plan: Plan, side: str, lines: Lines, passes: list[Pass]) -> Iterator
     for number, (line, slope) in enumerate(zip(lines, known.slope_deg_per_v, strict=True), 1):
         who = f"potentiometer {number}"
         found = degrees(1.0) / line.per_radian if line.per_radian else inf
+        ratio = found / slope
         if abs(line.per_radian) < FLAT:
             yield _refused(name, f"{who} does not follow the wheel: {abs(line.per_radian):.3f} V per radian")
-        elif not plan.blind and abs(found / slope - 1.0) > SLOPE_RANGE:
-            swapped = "; are two plugs swapped?" if found * slope < 0.0 else ""
+        elif not plan.blind and abs(ratio - 1.0) > SLOPE_RANGE:
+            swapped = "; are two plugs swapped?" if ratio < 0.0 else ""
             yield _refused(
                 name, f"{who}: {found:.1f} degrees per volt, the robot file says {slope:.1f}; at most 10 % off{swapped}"
             )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 from msgspec import Struct
 
@@ -66,10 +66,14 @@ class Try(Struct, frozen=True, kw_only=True):
     between: Steps | None = None
     catch: tuple[tuple[str, Steps], ...] = ()
 
-    def catches(self, outcome: str) -> bool:
-        """Whether a fault ends its steps."""
-        wanted = {*(self.again_on or ()), *(name for name, _ in self.catch)}
-        return not wanted.isdisjoint(names_of(outcome))
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """All that it names."""
+        return (*(self.again_on or ()), *(name for name, _ in self.catch))
+
+    def names(self, outcome: str) -> tuple[str, ...]:
+        """What it may call an outcome by; see `names_in`."""
+        return names_in(outcome, self.keys)
 
 
 class Watch(Struct, frozen=True, kw_only=True):
@@ -109,30 +113,13 @@ class Together(Struct, frozen=True, kw_only=True):
 Node = Leaf | Say | End | Steps | Repeat | Try | During | Choose | Together
 
 
-def children(node: Node) -> tuple[Node, ...]:
-    """The parts of a word, as they stand in the mission."""
-    match node:
-        case Steps(of):
-            return of
-        case Repeat():
-            return (node.steps,)
-        case Try():
-            between = (node.between,) if node.between is not None else ()
-            return (node.steps, *between, *(steps for _, steps in node.catch))
-        case During():
-            return (node.steps, *(watch.steps for watch in node.when if watch.steps is not None))
-        case Choose():
-            return tuple(steps for _, steps in node.branches)
-        case Together():
-            return (node.steps, *node.beside)
-    return ()
-
-
-def inside(node: Node) -> Iterator[Node]:
-    """The node and all within, as they stand in the mission."""
-    yield node
-    for child in children(node):
-        yield from inside(child)
+def inside(part: object) -> Iterator[Node]:
+    """The nodes in a part of a tree, itself among them, as they stand in the mission."""
+    if isinstance(part, Node):
+        yield part
+    if isinstance(part, tuple | Node | Watch):
+        for inner in part if isinstance(part, tuple) else (getattr(part, name) for name in part.__struct_fields__):
+            yield from inside(inner)
 
 
 class Tree(Struct, frozen=True):
@@ -143,7 +130,8 @@ class Tree(Struct, frozen=True):
     """How many steps that take time it has."""
     is_list: bool
     """It is a list of such steps, and nothing else."""
-    catches_faults: bool
+    faults: frozenset[str]
+    """What its words call faults by which they make outcomes."""
 
 
 def tree_of(root: Steps) -> Tree:
@@ -153,12 +141,7 @@ def tree_of(root: Steps) -> Tree:
         root=root,
         size=len([node for node in nodes if isinstance(node, Leaf)]),
         is_list=all(isinstance(node, Leaf) for node in root.of),
-        catches_faults=any(
-            name.startswith((FAULT, LOST, ANY))
-            for node in nodes
-            if isinstance(node, Try)
-            for name in (*(node.again_on or ()), *(name for name, _ in node.catch))
-        ),
+        faults=frozenset(name for node in nodes if isinstance(node, Try) for name in node.keys if is_fault(name)),
     )
 
 
@@ -167,9 +150,18 @@ def list_of(signals: Iterable[Iterable[str]]) -> Tree:
     return tree_of(Steps(tuple(Leaf(index, f"steps[{index}]", tuple(told)) for index, told in enumerate(signals))))
 
 
-def names_of(outcome: str) -> set[str]:
-    """What a `try` may call it by."""
+def is_fault(name: str) -> bool:
+    """Whether a `try` means faults by a name."""
+    return name in (FAULT, LOST) or name.startswith(f"{FAULT}:")
+
+
+def fault_names(id: str) -> tuple[str, ...]:
+    """What a `try` may call a fault by, of which the fault table has this id; the most exact name first."""
+    return (f"{FAULT}:{id}", *((LOST,) if id in LOST_FAULTS else ()), FAULT)
+
+
+def names_in(outcome: str, keys: Sequence[str]) -> tuple[str, ...]:
+    """What a `try` that names `keys` may call an outcome by, the most exact name first; (): a fault that none names."""
     kind, _, id = outcome.partition(":")
-    if kind != FAULT:
-        return {outcome, ANY}
-    return {outcome, FAULT, ANY, *([LOST] if id in LOST_FAULTS else [])}
+    names = fault_names(id) if kind == FAULT else (outcome,)
+    return () if kind == FAULT and not set(names).intersection(keys) else (*names, ANY)

@@ -3,41 +3,46 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 from msgspec import json
 
 from artemis.progress import Position
 from artemis.states.advance import Place
-from artemis.states.tree import Choose, During, Node, Repeat, Steps, Together, Tree, Try
+from artemis.states.outline import step_of
 
 
-def counts(tree: Tree, position: Position) -> list[str]:
-    """Rounds and attempts around the present step, the outermost first."""
-    place = json.decode(position.place, type=Place) if position.place else Place()
-    return list(_counts(tree.root, place))
+def counts(steps: Any, position: Position) -> list[str]:  # noqa: ANN401 (of a file)
+    """Rounds and attempts around the present step, the outermost first; `steps`: in the mission file's own form."""
+    return list(_counts(steps, json.decode(position.place, type=Place))) if position.place else []
 
 
-def _counts(node: Node, place: Place) -> Iterator[str]:
+def _counts(steps: Any, place: Place) -> Iterator[str]:  # noqa: ANN401 (of a file)
+    """Of the words around the present one of these steps, at their place in the tree."""
     if not place.within:
         return
-    first, inner = (int(place.numbers[0]) if place.numbers else 0), place.within[0]
-    match node:
-        case Steps(of):
-            yield from _counts(of[first], inner)
-        case Repeat():
-            yield f"round {first + 1}" + (f"/{node.times}" if node.times else "")
-            yield from _counts(node.steps, inner)
-        case Try():
-            branch = int(place.numbers[1])
+    word, body = step_of(steps[int(place.numbers[0])])
+    inner = place.within[0]
+    if word == "call":
+        yield from _counts(body["steps"], inner)
+    if not inner.within:
+        return
+    first, below = int(inner.numbers[0]) if inner.numbers else 0, inner.within[0]
+    match word:
+        case "repeat":
+            yield f"round {first + 1}" + (f"/{times}" if (times := body.get("times")) else "")
+            yield from _counts(body["steps"], below)
+        case "try":
+            branch, between = int(inner.numbers[1]), body.get("between")
             if first and branch <= 0:
-                yield f"attempt {first + 1}/{node.retries + 1}"
-            branches = (node.between or node.steps, *(steps for _, steps in node.catch))
-            yield from _counts(node.steps if branch < 0 else branches[branch], inner)
-        case During():
-            fired = int(place.numbers[1])
-            steps = node.when[fired].steps if 0 <= fired < len(node.when) and len(place.within) > 1 else node.steps
-            yield from _counts(steps or node.steps, place.within[-1])
-        case Choose():
-            yield from _counts(node.branches[first][1], inner)
-        case Together():
-            yield from _counts(node.steps, inner)
+                yield f"attempt {first + 1}/{body.get('retries', 0) + 1}"
+            branches = (between or body["steps"], *(body.get("catch") or {}).values())
+            yield from _counts(body["steps"] if branch < 0 else branches[branch], below)
+        case "during":
+            fired, watches = int(inner.numbers[1]), body.get("when") or []
+            in_branch = 0 <= fired < len(watches) and len(inner.within) > 1
+            yield from _counts(watches[fired]["steps"] if in_branch else body["steps"], inner.within[-1])
+        case "choose":
+            yield from _counts(body[first]["steps"], below)
+        case "together":
+            yield from _counts(body["steps"], below)

@@ -12,6 +12,7 @@ from math import inf
 from artemis.drive_states import DriveState, Goal, Nmt
 from artemis.motion.perception import stale_age
 from artemis.motion.totals import total
+from artemis.supervision.catalogue import POWER_LOST
 from artemis.values import DriveFeedback, OperatorInput, Sensed, Wish
 from artemis.vehicle import RobotFile
 
@@ -27,8 +28,6 @@ _ON, _UNKNOWN, _ENABLED, _OPERATIONAL = (
 )
 
 FAULT_STATES = (DriveState.FAULT, DriveState.FAULT_REACTION_DISABLED, DriveState.FAULT_REACTION_ENABLED)
-POWER_LOST = frozenset({0x3220, 0x8A88})
-"""EMCY codes of a power stage that has nothing to work with: under-voltage, and an EPOS4's open safe torque off."""
 TOGETHER = 0.04
 """Drives that lose their power within this time [s] lost it for one reason."""
 PRODUCER = 0x700
@@ -71,6 +70,7 @@ class DriveMeasures:
         self._traction = {name for name, drive in robot.drives.items() if drive.role == "traction"}
         self._modes = {name: drive.operating_mode for name, drive in robot.drives.items()}
         self._enabled: set[str] = set()
+        self._late = 0.0
 
     def forget(self) -> None:
         """Nothing is expected: the drives are being brought up or released."""
@@ -78,7 +78,8 @@ class DriveMeasures:
 
     def read(self, sensed: Sensed, last: Wish, explained: set[str]) -> list[Reading]:
         """Readings of all drives; a fault of one that is `explained` is no news."""
-        drives, late = sensed.drives, sensed.late  # feedback answers our SYNC: where we are late, so is all of it
+        drives = sensed.drives
+        late = self._late = self._late if sensed.urgent else sensed.late  # feedback answers our SYNC: it is as late
         newest = min([drive.age for drive in drives if drive.age is not None], default=inf)
         if newest - late > self._stale:
             return [("COM-29", "", 1.0, _old(newest))]
@@ -133,8 +134,13 @@ class DriveMeasures:
 class HostMeasures:
     """The bus, the schedule, the drives' messages and the inputs: watched at all times."""
 
-    def __init__(self, host_node_id: int) -> None:
-        self._heartbeat = PRODUCER + host_node_id
+    def __init__(self, robot: RobotFile) -> None:
+        self._heartbeat = PRODUCER + robot.host_node_id
+        self._power_lost = {
+            name: frozenset(code for code, row in errors.items() if row in POWER_LOST)
+            for name, errors in robot.errors.items()
+        }
+        """By drive: its EMCY codes that say so."""
         self._malformed, self._stray, self._emergencies = Rate(1.0), Rate(1.0), Rate(1.0)
         self._errors, self._jumps = Rate(0.1), Rate(0.5)
         self._supply_lost: dict[str, float] = {}
@@ -190,7 +196,7 @@ class HostMeasures:
                 readings.append(("COM-09", name, 1.0, ""))
         if number := self._emergencies.count(name, len(drive.emergencies), now):
             readings.append(("DRV-33", name, float(number), f"{number} in a second"))
-        if not POWER_LOST.isdisjoint(drive.emergencies):
+        if drive.emergencies and not self._power_lost[name].isdisjoint(drive.emergencies):
             self._supply_lost[name] = now
         return readings
 

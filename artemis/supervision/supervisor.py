@@ -75,7 +75,7 @@ class Supervisor:
         self._resumes = {id for id, policy in policies.items() if policy.resume == "continue"}
         self._drives, self._host, self._wheels = (
             DriveMeasures(robot, tick),
-            HostMeasures(robot.host_node_id),
+            HostMeasures(robot),
             Wheels(robot, tick, blind),
         )
         self._errors = robot.errors

@@ -92,7 +92,7 @@ class LocalizerContract(PluginContract):
     def test_fixes_are_whole_and_told_once(self) -> None:
         """Each answer is a tuple of fixes that can be true, and none comes again."""
         times = [fix.time for _, fix in self.found()]
-        assert len(set(times)) == len(times), "a fix was told twice"
+        assert len(set(times)) == len(times), "a fix was reported twice"
 
     def test_fixes_are_of_the_past(self) -> None:
         """And not so old that nobody knows where the odometry was then."""

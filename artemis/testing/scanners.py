@@ -6,14 +6,13 @@ import asyncio
 from itertools import pairwise
 
 from artemis import clock
-from artemis.clock import stopwatch
 from artemis.mounting import Mounting
 from artemis.plugins.contracts import Scanner
 from artemis.plugins.guard import LATE
 from artemis.plugins.registry import SCANNERS
 from artemis.plugins.scanning import is_whole_scan
 from artemis.scan import Scan
-from artemis.testing.contracts import NAME, ROBOT, PluginContract
+from artemis.testing.contracts import NAME, ROBOT, PluginContract, quickest
 
 _PLACE = Mounting(plugin=NAME, x_m=0.5, y_m=0.0, heading_deg=0.0, height_m=0.3, least_range_m=0.1)
 
@@ -50,7 +49,7 @@ class ScannerContract(PluginContract):
             raise AssertionError(f"run() ended after {loop.time() - begun:.1f} s: it measures until it is cancelled")
         running.cancel()
         _, left = await asyncio.wait([running], timeout=1.0)
-        assert not left, "run() goes on after it was cancelled"
+        assert not left, "run() continues after it was cancelled"
         scanner.close()
         scanner.close()
         return given
@@ -87,7 +86,5 @@ class ScannerContract(PluginContract):
 
     def test_gives_without_holding_the_ticks_up(self) -> None:
         """It runs in the thread of the ticks: a second of it takes no longer than a few of them may."""
-        begun = stopwatch()
-        self.scans()
-        took = (stopwatch() - begun) / self.duration
+        took = quickest(lambda _: self.scans(), range(3)) / self.duration
         assert took < 10 * LATE, f"a second of it takes {took * 1000:.0f} ms of computing"

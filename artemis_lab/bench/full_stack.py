@@ -106,4 +106,4 @@ def _write(
 
 
 def _words(faults: Mapping[Fault, None]) -> str:
-    return "; ".join(f"{fault.id} {fault.text}" for fault in faults) or "no fault was told"
+    return "; ".join(f"{fault.id} {fault.text}" for fault in faults) or "no fault was reported"

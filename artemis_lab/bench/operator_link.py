@@ -18,7 +18,7 @@ from unittest.mock import patch
 
 from artemis import clock
 from artemis.app import run_mission
-from artemis.bridges.operator.link_process import _ENCODER, LinkProcess, LinkSettings, serve
+from artemis.bridges.operator.link_process import LinkProcess, LinkSettings, serve
 from artemis.bridges.operator.operator_end import OperatorEnd
 from artemis.bridges.operator.pairing import write_secret
 from artemis.clock import cpu_time, stopwatch, until
@@ -31,6 +31,7 @@ from artemis.plugins.inputs import network
 from artemis.plugins.inputs.network import NetworkConfig, NetworkInput
 from artemis.values import Mode, OperatorInput, Tick
 from artemis.vehicle import RobotFile
+from artemis_lab.bench.ports import free_port
 from artemis_lab.injections.damaged_link import DamagingProxy
 
 PERIOD = 0.02
@@ -65,8 +66,8 @@ class Ticks:
             self.speeds.append(tick.wish.command.speed)
             self.cpu.append(cpu_time())
 
-    def latencies(self) -> list[float]:
-        """From each report that came in no flood to the frames that carry it [s], but for what the tick was late."""
+    def latencies(self) -> list[tuple[float, float]]:
+        """From each report that came in no flood to the frames that carry it, and how late that tick began [s]."""
         found = []
         for time, speed in self.reports:
             if any(begun - 0.5 <= time <= ended + 0.5 for begun, ended in self.floods):
@@ -76,7 +77,7 @@ class Ticks:
                 continue  # the one before never came: this one changes nothing
             after = [n for n in range(place, min(place + 50, len(self.times))) if self.speeds[n] == speed]
             if after:
-                found.append(self.times[after[0]] - self.late[after[0]] - time)
+                found.append((self.times[after[0]] - time, self.late[after[0]]))
         return found
 
     def split(self, values: list[float]) -> tuple[list[float], list[float]]:
@@ -96,24 +97,30 @@ class LinkThread(LinkProcess):
     """The same link in a thread of the run's process: what it is compared with."""
 
     def __init__(self, listening: socket.socket, settings: LinkSettings) -> None:
-        self._ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        for each in (self._ours, theirs):
+        self._thread: threading.Thread | None = None
+        super().__init__(listening, settings)
+
+    def _begin(self) -> None:
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        for each in (ours, theirs):
             each.setblocking(False)
-        self._loop = None
-        self._thread = threading.Thread(target=self._serve, args=(listening, theirs), daemon=True)
+        self._thread = threading.Thread(target=self._serve, args=(self._listening, theirs), daemon=True)
         self._thread.start()
-        self._ours.send(_ENCODER.encode(settings))
+        ours.send(self._first)
+        self._ours = ours
 
     def tell(self, status: bytes) -> None:
         """What the robot does, for the operator."""
-        with suppress(OSError):
-            self._ours.send(status)
+        if self._ours is not None:
+            with suppress(OSError):
+                self._ours.send(status)
 
     def close(self) -> None:
         """End it."""
-        self._forget()
-        self._ours.close()
-        self._thread.join(5.0)
+        if self._ours is not None:
+            self._forget(self._ours)
+        if self._thread is not None:
+            self._thread.join(5.0)
 
     @staticmethod
     def _serve(listening: socket.socket, port: socket.socket) -> None:
@@ -219,11 +226,3 @@ async def _send(protocol: _RobotProtocol) -> None:
 def _link(*, thread: bool) -> Iterator[None]:
     with patch.object(network, "LinkProcess", LinkThread if thread else LinkProcess):
         yield
-
-
-def free_port() -> int:
-    """A TCP port of this computer that nobody uses now."""
-    with socket.socket() as found:
-        found.bind(("127.0.0.1", 0))
-        port: int = found.getsockname()[1]
-        return port

@@ -1,7 +1,7 @@
 """Somebody at a browser, as far as its words go, in a process of its own: presses Stop, floods the page, measures it.
 
 Arguments: the page's address, a code to pair with, the file for what was found, how many presses, a finished run (its
-report is made again and again meanwhile), and how long to flood [s].
+report is made again and again meanwhile), and how long to flood, and to count the processor's time [s].
 """
 
 from __future__ import annotations
@@ -32,18 +32,21 @@ NICE = 15
 """Of whoever makes reports."""
 BURST, EVERY = 100, 0.01
 """So many frames at once, and so often [s]: 10,000 in a second."""
+CLIENTS = 4
+"""Browsers that watch while the processor's time is counted."""
 _PING = b'{"t":"ping","at":0}'
 FRAME = bytes([0x81, 0x80 | len(_PING), 0, 0, 0, 0]) + _PING
 """A text frame with a mask of zeros (RFC 6455, 5.2)."""
 
 
 class PageHand:
-    """A paired browser."""
+    """A paired browser: by a code, or by the cookie of one that is paired already."""
 
-    def __init__(self, url: str, code: str) -> None:
-        self._url, self._cookie = url, ""
-        answer = self._first(code)
-        self._cookie = str(answer.headers["set-cookie"]).split(";")[0]
+    def __init__(self, url: str, code: str = "", cookie: str = "") -> None:
+        self._url, self.cookie = url, cookie
+        if not cookie:
+            answer = self._first(code)
+            self.cookie = str(answer.headers["set-cookie"]).split(";")[0]
         self._presses = self._sequence = 0
         self.state: dict[str, Any] = {}
 
@@ -59,7 +62,7 @@ class PageHand:
                 _wait(0.1)
 
     def _ask(self, path: str, words: dict[str, Any] | None = None) -> HTTPResponse:
-        headers = {"Origin": self._url, "Cookie": self._cookie, "Content-Type": "application/json"}
+        headers = {"Origin": self._url, "Cookie": self.cookie, "Content-Type": "application/json"}
         data = None if words is None else json.dumps(words).encode()
         answer: HTTPResponse = urlopen(Request(self._url + path, data, headers), timeout=PATIENCE)
         return answer
@@ -67,7 +70,7 @@ class PageHand:
     def link(self, path: str) -> ClientConnection:
         """A connection that is paired."""
         place = self._url.replace("http", "ws") + path
-        return connect(place, origin=Origin(self._url), additional_headers={"cookie": self._cookie}, max_size=None)
+        return connect(place, origin=Origin(self._url), additional_headers={"cookie": self.cookie}, max_size=None)
 
     def size(self) -> int:
         """Bytes of the page with all that it loads."""
@@ -89,10 +92,7 @@ class PageHand:
         """Press Stop so often, each time with the drives enabled; when [s by the stopwatch]."""
         found: list[float] = []
         with self.link("/control") as control, self.link("/telemetry") as telemetry:
-            while not json.loads(control.recv(PATIENCE)).get("run"):
-                pass
-            control.send(json.dumps({"t": "take", "who": "bench"}))
-            self._sequence = 0
+            self._take(control)
             ready = 0
             while len(found) < number:
                 told = json.loads(control.recv(PATIENCE))
@@ -110,11 +110,42 @@ class PageHand:
     def end(self) -> None:
         """Have the run end."""
         with self.link("/control") as control, suppress(ConnectionClosed):
-            control.send(json.dumps({"t": "take", "who": "bench"}))
-            self._sequence = 0
+            self._take(control)
             while True:
                 if (told := json.loads(control.recv(PATIENCE)))["t"] == "beat":
                     self._hold(control, told["n"], ["end"])
+
+    def drive(self, speed: float) -> None:
+        """Drive forward by this share of the highest speed as long as the connection lasts; recover from each stop."""
+        with self.link("/control") as control, self.link("/telemetry") as telemetry:
+            self._take(control)
+            ready = 0
+            while True:
+                told = json.loads(control.recv(PATIENCE))
+                if told["t"] == "seat" and not told["mine"] and not told["who"]:
+                    self._take(control)
+                if told["t"] == "beat":
+                    self._hear(telemetry)
+                    ready = ready + 1 if self.state.get("mode") == "teleop" else 0
+                    self._hold(control, told["n"], self._asked(), speed if ready > 10 else 0.0)
+
+    def wait_until_driven(self) -> None:
+        """Return once the set-point of the speed has been the same for half a second, and not zero."""
+        last, same = 0.0, 0
+        with self.link("/telemetry") as telemetry:
+            while same < 10:
+                state = json.loads(telemetry.recv(PATIENCE)).get("state")
+                if state is not None:
+                    speed = state["wish"][0]
+                    same = same + 1 if speed == last and speed > 0.0 and state["mode"] == "teleop" else 0
+                    last = speed
+
+    def watch(self, seconds: float) -> None:
+        """Take all that a browser is told for so long."""
+        begun = stopwatch()
+        with self.link("/telemetry") as telemetry:
+            while stopwatch() - begun < seconds:
+                telemetry.recv(PATIENCE)
 
     def flood(self, seconds: float) -> tuple[float, float]:
         """Send 10,000 messages in a second; from when to when."""
@@ -131,9 +162,17 @@ class PageHand:
             return ["acknowledge"]
         return ["arm"] if "arm" in phase or mode == "quickstop" else []
 
-    def _hold(self, control: ClientConnection, beat: int, asked: list[str]) -> None:
+    def _take(self, control: ClientConnection) -> None:
+        while not json.loads(control.recv(PATIENCE)).get("run"):
+            pass
+        control.send(json.dumps({"t": "take", "who": "bench"}))
+        self._sequence = 0
+
+    def _hold(self, control: ClientConnection, beat: int, asked: list[str], speed: float = 0.0) -> None:
         self._sequence += 1
-        control.send(json.dumps({"t": "hold", "seq": self._sequence, "beat": beat, "ask": asked}))
+        held = speed > 0.0
+        words = {"held": held, "neutral": not held, "y": speed, "ask": asked}
+        control.send(json.dumps({"t": "hold", "seq": self._sequence, "beat": beat, **words}))
 
     def _press(self, control: ClientConnection) -> float:
         """By both ways, as the page does."""
@@ -160,10 +199,12 @@ def first_paint(url: str, code: str) -> float | None:
         return None
     with sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        page = browser.new_page()
+        paired = browser.new_context()
+        page = paired.new_page()
         page.goto(f"{url}/pair#{code}")
         page.wait_for_url(f"{url}/")
-        page.reload()
+        page = browser.new_context(storage_state=paired.storage_state()).new_page()  # it has the cookie, and no file
+        page.goto(url)
         page.wait_for_selector("body[data-link=ok]")
         entries = page.evaluate("performance.getEntriesByName('first-contentful-paint').map(each => each.startTime)")
         browser.close()
@@ -193,6 +234,39 @@ def reports(run: str) -> Iterator[None]:
         thread.join()
 
 
+def page_process() -> int:
+    """The process of the page of the run that started this one."""
+    run = os.getppid()
+    for folder in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError, IndexError):
+            parent = int((folder / "stat").read_text().rsplit(")", 1)[1].split()[1])
+            if parent == run and b"own_process" in (folder / "cmdline").read_bytes():
+                return int(folder.name)
+    raise ProcessLookupError("the page has no process at present")
+
+
+def processor_shares(hand: PageHand, seconds: float) -> tuple[float, float]:
+    """Share of one processor that the page's process takes by itself, and for each of `CLIENTS` that watch."""
+    page = page_process()
+    shares = []
+    for clients in (0, CLIENTS):
+        threads = [threading.Thread(target=hand.watch, args=(seconds,)) for _ in range(clients)]
+        begun, used = stopwatch(), _processor_time(page)
+        for thread in threads:
+            thread.start()
+        _wait(seconds)
+        shares.append((_processor_time(page) - used) / (stopwatch() - begun))
+        for thread in threads:
+            thread.join()
+    return shares[0], (shares[1] - shares[0]) / CLIENTS
+
+
+def _processor_time(process: int) -> float:
+    """User and system [s] (proc(5))."""
+    fields = Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / float(os.sysconf("SC_CLK_TCK"))
+
+
 def _wait(seconds: float) -> None:
     threading.Event().wait(seconds)
 
@@ -206,6 +280,7 @@ def main() -> None:
         told["report"] = hand.presses(int(presses))
     _wait(float(seconds))
     told["flood"] = hand.flood(float(seconds))
+    told["shares"] = processor_shares(hand, float(seconds))
     told["paint"] = first_paint(url, second_code)
     Path(out).write_text(json.dumps(told))
     hand.end()

@@ -57,7 +57,8 @@ class Parameters:
     latency_s: float = 0.016
     """Of the USB adapter for RS232: FTDI's default."""
     answer_s: float = 0.0001
-    """From the end of a request to a drive's answer, and to each of its confirmations on RS232."""
+    """From the end of a request to a drive's answer, and to each of its confirmations on RS232: fitted to the thesis'
+    ratio. A simulated drive takes 0.3 ms elsewhere (`SimSettings.answer_time_s`)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

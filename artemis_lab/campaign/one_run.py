@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import random
+import shutil
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -16,6 +17,7 @@ from artemis.devices.can_bus import Traffic
 from artemis.errors import ConfigError, RecordingError
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.planning import core_from
+from artemis.recording.journal import read_journal
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.provenance import ResumePoint
 from artemis.recording.replay import replay
@@ -112,11 +114,11 @@ def run_scenario(
     kinds, violations = list(given.kinds), list(runs[0].violations)
     if runs[0].killed:
         kinds.append("killed")
-    if runs[0].killed and given.resumed and not any(isinstance(error, RuntimeError) for error in runs[0].failures):
+    if given.resumed_after is not None and not any(isinstance(error, RuntimeError) for error in runs[0].failures):
         resumed, problems = mission.resume(runs[0])
         runs += [resumed] if resumed is not None else []
         kinds += ["resumed"] if resumed is not None else []
-        kinds += ["compared"] if resumed is not None and not given.disturbed else []
+        kinds += ["compared"] if resumed is not None and mission.is_comparable(runs[0]) else []
         violations += problems
     last = runs[-1]
     after = resources()
@@ -211,39 +213,64 @@ class _Mission:
             events=events,
         )
 
-    def resume(self, killed: _Done) -> tuple[_Done | None, list[Violation]]:
-        """Resume a run that was killed; None where that is refused for a reason. And what is wrong with it."""
-        given, recording = self.given, killed.folder / "recording.mcap"
-        lost = random.Random(given.seed).choice((0, 1)) * random.Random(-given.seed).randrange(LOST)
-        recording.write_bytes(recording.read_bytes()[: -lost or None])  # what was not on the disk yet
+    def is_comparable(self, done: _Done) -> bool:
+        """Whether run and resumed run have to do the same: nothing went wrong, and nobody walks about."""
+        return not (done.killed or self.given.disturbed or self.given.world)
+
+    def resume(self, first: _Done) -> tuple[_Done | None, list[Violation]]:
+        """Resume a run where it was killed, or would have been; None where that is refused for a reason.
+
+        And what is wrong with it.
+        """
+        folder = self._left(first)
         try:
-            last = Recording(killed.folder).last_tick()
+            last = Recording(folder).last_tick()
         except RecordingError:
             last = None
         try:
-            point, _ = resumption_from(self.loaded, self.source, killed.folder)
+            point, _ = resumption_from(self.loaded, self.source, folder)
         except ConfigError as error:
             over = last is None or last.position.step >= len(self.loaded.tree.steps) or last.snapshot.pose.lost
-            return None, [] if over else [Violation("I13", killed.end, f"is not resumed: {error}")]
+            return None, [] if over else [Violation("I13", first.end, f"is not resumed: {error}")]
         assert last is not None
-        start = EPOCH + timedelta(seconds=given.seed)
-        resumed = self.run(start + LATER, None, point)
-        violations = [v._replace(text=f"{v.text} (resumed)") for v in resumed.violations if not _follows(v, killed)]
-        if not given.disturbed:
-            whole = self.run(start + 2 * LATER)
-            violations += [v._replace(text=f"{v.text} (whole)") for v in whole.violations]
-            before = [text for time, text in killed.events if time <= last.snapshot.time]
-            did, does = [*before, *(text for _, text in resumed.events)], [text for _, text in whole.events]
-            if did != does or resumed.status != whole.status:
+        resumed = self.run(EPOCH + timedelta(seconds=self.given.seed) + LATER, None, point)
+        violations = [v._replace(text=f"{v.text} (resumed)") for v in resumed.violations if not _follows(v, first)]
+        if self.is_comparable(first):
+            before = [text for time, text in first.events if time <= last.snapshot.time]
+            did, does = [*before, *(text for _, text in resumed.events)], [text for _, text in first.events]
+            if did != does or resumed.status != first.status:
                 here = next(
                     (n for n, (a, b) in enumerate(zip(did, does, strict=False)) if a != b), min(len(did), len(does))
                 )
                 instead = f"{did[here : here + 1]} instead of {does[here : here + 1]}"
-                instead += f", status {resumed.status} instead of {whole.status}"
+                instead += f", status {resumed.status} instead of {first.status}"
                 violations.append(
                     Violation("I13", resumed.end, f"the mission is not done as in a whole run: {instead}")
                 )
         return resumed, violations
+
+    def _left(self, done: _Done) -> Path:
+        """The folder that a kill leaves of a run: the recording cut at a byte, the journal shortly after.
+
+        Of a run that was killed the recording less what was not on the disk yet.
+        """
+        dice, name = random.Random(-self.given.seed), "recording.mcap"
+        whole = (done.folder / name).read_bytes()
+        if done.killed:
+            (done.folder / name).write_bytes(whole[: len(whole) - dice.choice((0, dice.randrange(LOST)))])
+            return done.folder
+        folder = done.folder.with_name(f"{done.folder.name}-cut")
+        shutil.copytree(done.folder, folder, ignore=shutil.ignore_patterns(name, "report.html"))
+        (folder / name).write_bytes(whole[: int((self.given.resumed_after or 0.0) * len(whole))])
+        try:
+            last = Recording(folder).last_tick()
+        except RecordingError:
+            last = None
+        until = -1.0 if last is None else last.snapshot.time
+        journal = folder / "journal.jsonl"
+        told = sum(entry.time <= until for entry in read_journal(journal).entries)
+        journal.write_bytes(b"".join(journal.read_bytes().splitlines(keepends=True)[:told]))
+        return folder
 
     def _folders(self) -> list[Path]:
         runs = self.source.parent / self.loaded.mission.record

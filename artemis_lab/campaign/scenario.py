@@ -65,8 +65,8 @@ class Scenario:
     """Tables that it names."""
     killed_at: float | None = None
     """Then the host dies as by SIGKILL: nothing of it reaches the bus any more [s]."""
-    resumed: bool = False
-    """Once it is dead, another run resumes the mission."""
+    resumed_after: float | None = None
+    """Another run resumes it after so large a share of its recording, or where the host died; None: none does."""
 
     @property
     def disturbed(self) -> bool:
@@ -126,8 +126,7 @@ def scenario(seed: int, robot: RobotFile) -> Scenario:
         tick_hz = 50  # they are told the period in whole milliseconds
     steps, files, inputs, length = draw(dice, robot)
     words = {word for _, word, _ in steps_in(steps)}
-    resumed = dice.uniform(0, 1) < (0.45 if draw is _tree else 0.06)
-    sound = resumed and dice.uniform(0, 1) < 0.8  # compared with a run that nobody kills
+    sound = dice.uniform(0, 1) < (0.36 if draw is _tree else 0.05)  # its resumed run is compared with the whole one
     faults = [] if sound else _faults(dice, robot, length, _fitting(robot, words), _CAUGHT.findall(json.dumps(steps)))
     operator = [] if sound else _operator(dice, [fault["at_s"] for fault in faults], length)
     if "ask" in words and dice.uniform(0, 1) < 0.7:
@@ -151,9 +150,10 @@ def scenario(seed: int, robot: RobotFile) -> Scenario:
     }
     if not robot.has_potentiometers:
         mission = json.loads(json.dumps(mission).replace('"from_potentiometers"', '"align"'))
-    dies = resumed or dice.uniform(0, 1) < 0.04
+    dies = dice.uniform(0, 1) < 0.06
     killed = round(dice.uniform(0.0, length + 1.0), 4) if dies else None
-    found = Scenario(seed=seed, mission=mission, files=files, killed_at=killed, resumed=resumed)
+    share = round(dice.uniform(0.0, 1.0), 6)
+    found = Scenario(seed=seed, mission=mission, files=files, killed_at=killed, resumed_after=share)
     return _among_things(found, robot, length) if robot.scanners else found
 
 
@@ -163,7 +163,7 @@ def sees(seed: int) -> bool:
 
 
 def _among_things(given: Scenario, robot: RobotFile, length: float) -> Scenario:
-    """The same mission among what stands and walks, with faults of the scanners; nobody resumes it elsewhere."""
+    """The same mission among what stands and walks, with faults of the scanners."""
     dice = random.Random(f"things {given.seed}")
     simulation = given.mission["simulation"]
     heading = math.radians(simulation["true_robot"]["heading_deg"])
@@ -185,7 +185,7 @@ def _among_things(given: Scenario, robot: RobotFile, length: float) -> Scenario:
             "world": SceneryDice(dice, robot, heading).drawn(length),
         },
     }
-    return replace(given, mission=mission, resumed=False)
+    return replace(given, mission=mission)
 
 
 def _of_scanner(dice: random.Random, at: float) -> dict[str, Any]:

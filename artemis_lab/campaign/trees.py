@@ -18,7 +18,7 @@ ALIGN: dict[str, Any] = {"calibrate": {"steering": "from_potentiometers"}}
 NEVER = "run_s > 1000"
 LENGTH = 1.0
 """Of the path that is driven forth and back [m]."""
-CAUGHT = ("fault", "any")
+CAUGHT = ("fault",)
 ANSWERS = ["left", "right"]
 PARTS: Mapping[str, Any] = {"pause": {"takes": {"for": 0.2}, "steps": [{"wait": {"seconds": "$for"}}]}}
 LONG = 60.0

@@ -13,13 +13,12 @@ from artemis.errors import ConfigError, similar
 from artemis.mission.loading import load_model
 from artemis.motion.spline import Array
 from artemis.plugins.guard import PLUGIN_ERRORS, told
-from artemis.report.figures import style
+from artemis.report.drawing import check_figures
 from artemis.testing.contracts import ROBOT
 from artemis.vehicle import RobotFile
 from artemis_lab.bench.cases import CASES, CLEAN
 from artemis_lab.bench.courses import five_courses
 from artemis_lab.bench.driving import FollowerRefused
-from artemis_lab.bench.figures import course_figure
 from artemis_lab.bench.followers import Measurement, Task, follower, installed, run_all, tasks
 from artemis_lab.bench.judge import RunTrack
 from artemis_lab.bench.python_robotics import REFERENCES
@@ -46,6 +45,7 @@ def measure(choice: Selection, output: Path) -> None:
     Raises:
         ConfigError: a follower or a course that is not there, or a robot file that is refused.
     """
+    check_figures("bench followers")
     known = [*installed(), *(REFERENCES if choice.checkout is not None else ())]
     followers = _chosen("follower", choice.followers, known)
     courses = _chosen("course", choice.courses, [course.name for course in five_courses()])
@@ -115,6 +115,9 @@ def _step_times(
 
 def _draw(rows: Sequence[Measurement], output: Path) -> None:
     """A figure for each course that was driven."""
+    from artemis.report.figures import style
+    from artemis_lab.bench.figures import course_figure
+
     for course in five_courses():
         tracks = _tracks(rows, course.name)
         if tracks:

@@ -35,7 +35,7 @@ def run_all(file: Path) -> int:
     if all(seed in results.finished for seed in campaign.seeds):
         results.forget()  # it was finished: begin anew
     elif results.finished:
-        _say(f"goes on after {len(results.finished)} finished runs")
+        _say(f"continues after {len(results.finished)} finished runs")
     with _signals() as received, _Bar(campaign, len(results.finished)) as bar:
         done = run_campaign(campaign, results, bar.advance, lambda: bool(received))
     _conclude(file, campaign, results)

@@ -1,4 +1,4 @@
-"""Errors that drives report, by row of the fault table and family of the drive: DRV-01 to DRV-29, DRV-34 to DRV-41."""
+"""Errors that drives report, by row of the fault table and family of the drive: DRV-01 to DRV-29, DRV-34 to DRV-42."""
 
 from __future__ import annotations
 
@@ -52,6 +52,7 @@ TEXTS = {
     "DRV-39": "drive watchdog",
     "DRV-40": "controller gain",
     "DRV-41": "auto tuning",
+    "DRV-42": "extension card",
 }
 _BOTH: dict[str, tuple[int, ...]] = {
     "DRV-01": (0x1000,),
@@ -107,9 +108,18 @@ CODES: dict[str, dict[str, tuple[int, ...]]] = {
         "DRV-39": (0xFF02,),
         "DRV-40": (0xFF10,),
         "DRV-41": tuple(range(0xFF11, 0xFF25)),
+        "DRV-42": (0x6080, 0x6081),
     },
 }
-CODES["epos2"] = CODES["epos1"]  # it has some more, without rows of their own
+CODES["epos2"] = {
+    **CODES["epos1"],
+    "DRV-04": (0x3220, 0x5114),
+    "DRV-08": (0x6320, 0xFF0F),
+    "DRV-17": (0xFF11, 0xFF12),
+    "DRV-38": (0xFF0C,),
+    "DRV-40": (0xFF10,),
+    "DRV-41": (0xFF0D,),
+}
 CODES["cia402"] = {id: tuple(code for code, row in ERRORS_402.items() if row == id) for id in ERRORS_402.values()}
 """EMCY error codes by family and row, each row's usual one first.
 

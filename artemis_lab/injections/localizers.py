@@ -68,9 +68,9 @@ def _shift(stage: Stage, node: str | None, given: WrongTimes) -> Undo:
 
 
 LOCALIZER_INJECTIONS: dict[str, Injection] = {
-    "LOC-01": Injection("localizer tells nothing any more", _silence, parameters=Lasting),
+    "LOC-01": Injection("localizer reports nothing any more", _silence, parameters=Lasting),
     "LOC-02": Injection("localizer says that the robot is somewhere else", _jump, parameters=Displaced),
     "LOC-03": Injection("localizer is not sure any more", _doubt, parameters=Doubt),
-    "LOC-04": Injection("localizer tells poses that are not numbers", _spoil, parameters=Lasting),
-    "LOC-05": Injection("localizer tells poses with wrong times", _shift, parameters=WrongTimes),
+    "LOC-04": Injection("localizer reports poses that are not numbers", _spoil, parameters=Lasting),
+    "LOC-05": Injection("localizer reports poses with wrong times", _shift, parameters=WrongTimes),
 }

@@ -315,7 +315,7 @@ MOTION_INJECTIONS: dict[str, Injection] = {
     "CAL-01": Injection("steering is blocked, while it aligns", _block("steering"), Needs.STEERING, Lasting),
     "CAL-02": Injection("drive keeps another calibration", _remember, Needs.STEERING, Kept, families=WITH_MEMORY),
     "SYS-10": Injection("drive is found turning", _keep_running, Needs.TRACTION, Running),
-    "PTH-06": Injection("somebody carries the robot away", _carry, parameters=Carried),
+    "PTH-06": Injection("the robot is carried away", _carry, parameters=Carried),
     "PTH-07": Injection("both driven wheels are blocked", _block("traction"), parameters=Lasting),
     "PWR-01": Injection("the batteries get low", _sink, parameters=LowVoltage),
     "PWR-02": Injection("the batteries get too low for the drives", _sink, parameters=CriticalVoltage),

@@ -41,16 +41,17 @@ NOT_INJECTED: dict[str, str] = {
     "INP-14": _DEVICE,
     "INP-15": _DEVICE,
     "INP-16": _DEVICE,
-    **{f"NET-{number:02}": _NETWORK for number in range(1, 11)},
+    **{f"NET-{number:02}": _NETWORK for number in (*range(1, 11), 15)},
     **{f"SER-{number:02}": _SERIAL for number in range(1, 6)},
     "NET-11": "needs an operator at a page whose link is held up",
     "NET-12": "needs programs of others: a master that goes, a subscriber that hangs",
     "NET-13": "needs an observer with a process of its own: a simulation that keeps real time",
-    **dict.fromkeys(("NET-14", "LOC-07"), "needs somebody who gives goals and poses"),
+    **dict.fromkeys(("NET-14", "LOC-07"), "needs an operator who gives goals and poses"),
     "LAS-08": "needs something in the robot's way",
     "LOC-06": "on virtual time a localizer takes no time",
     **{f"PTH-{number:02}": _FILE for number in range(1, 5)},
     "PTH-05": "a path begins where the robot stands",
+    "PTH-10": "on virtual time nothing is planned or fitted in another process",
     **{f"MIS-{number:02}": _FILE for number in range(1, 8)},
     "PLG-01": "a plugin is made before a run",
     "PLG-07": "a plugin is never given the bus",
@@ -62,7 +63,7 @@ NOT_INJECTED: dict[str, str] = {
     "DSK-03": "in virtual time a recording waits for its disk, however slow",
     "DSK-04": "is found when a journal is read",
     "EST-02": "needs an input pair",
-    "OPR-03": "happens by itself when nobody acts",
+    "OPR-03": "happens by itself when no operator acts",
 }
 """Rows that no injection can make happen, each with the reason."""
 

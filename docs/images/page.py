@@ -23,14 +23,15 @@ HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parents[1] / "tests"))
 
 from page_rig import MISSIONS, PageRig, page_rig, recorded  # noqa: E402
-from ports import free_port  # noqa: E402
 
 from artemis.values import Mode, Tick  # noqa: E402
+from artemis_lab.bench.ports import free_port  # noqa: E402
 
 PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True, "device_scale_factor": 2}
 DESKTOP = {"viewport": {"width": 1280, "height": 800}}
 HALL, LOOP, FAULT, GOAL = "patrol_hall.yaml", "figure_eight.yaml", "fault_recovery_by_hand.yaml", "page_goto.yaml"
-UNTIL = {HALL: 45.0, LOOP: 40.0, FAULT: 25.0, GOAL: 12.0}
+EPOS4 = "figure_eight_epos4.yaml"
+UNTIL = {HALL: 45.0, LOOP: 40.0, FAULT: 25.0, GOAL: 12.0, EPOS4: 35.0}
 """Seconds of each run."""
 REPLAYED = "Boolean(window.artemis?.shown) && document.getElementById('making').hidden"
 MOVING = 22.0, 45.0, 0.5, 120
@@ -64,13 +65,18 @@ def opened(browser: Any, rig: PageRig, options: Mapping[str, Any], scheme: str =
 
 def until(page: Any, wanted: str) -> None:  # noqa: ANN401
     """Wait: the page's content policy keeps playwright's own way of waiting out."""
-    while not page.evaluate(wanted):
+    for _ in range(120 * 20):
+        if page.evaluate(wanted):
+            return
         page.wait_for_timeout(50)
+    raise TimeoutError(wanted)
 
 
 def take_control(page: Any, *, hold: bool) -> None:  # noqa: ANN401
-    """Take control; and hold the stick."""
+    """Take control, where nobody has it any more; and hold the stick."""
+    until(page, "document.getElementById('seat').textContent === 'Nobody has control.'")
     page.click("#take")
+    until(page, "artemis.control.mine")
     page.wait_for_selector("#stick", state="visible")
     box = page.locator("#stick").bounding_box()
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
@@ -111,9 +117,8 @@ def take(browser: Any, home: Path) -> None:  # noqa: ANN401
         page = opened(browser, rig, DESKTOP)
         take_control(page, hold=False)
         picture(page, "desktop")
+        page.context.close()
         page = opened(browser, rig, PHONE)
-        until(page, "document.getElementById('seat').textContent.includes('has control')")
-        browser.contexts[0].close()
         take_control(page, hold=True)
         picture(page, "phone")
     with shown(LOOP, at(39.0), home) as rig:
@@ -122,6 +127,12 @@ def take(browser: Any, home: Path) -> None:  # noqa: ANN401
         page.wait_for_selector("#charts .uplot canvas")
         page.wait_for_timeout(700)
         picture(page, "charts")
+    with shown(EPOS4, at(34.0), home) as rig:
+        page = opened(browser, rig, DESKTOP)
+        page.click("#tab-drives")
+        page.click("#signs summary")
+        until(page, "document.querySelector('#drives th.temperature').checkVisibility()")
+        picture(page, "drives")
     zones = home / "missions/maps/hall.zones.yaml"
     zones.write_text("zones:\n- {name: loading bay, kind: keep-out, corners: [[9, 4.5], [12, 4.5], [12, 7], [9, 7]]}\n")
     with shown(str(home / "missions" / GOAL), at(11.0), home) as rig:
@@ -141,7 +152,7 @@ def take(browser: Any, home: Path) -> None:  # noqa: ANN401
 
 def take_waiting(browser: Any, home: Path) -> None:  # noqa: ANN401
     """The page of a robot that waits, with a mission of each kind."""
-    missions, folder = HERE.parents[1] / "missions", home / "missions"
+    missions, folder = HERE.parents[1] / "missions", home / "waiting/missions"
     for part in ("robots", "paths", "maps"):
         shutil.copytree(missions / part, folder / part)
     for name in (LOOP, "page_teleop.yaml", "figure_eight_socketcan.yaml"):
@@ -170,15 +181,16 @@ def take_past(browser: Any, home: Path) -> None:  # noqa: ANN401
         rig.show(100)
         page = opened(browser, rig, DESKTOP)
         page.goto(f"{rig.url}/runs/")
-        until(page, "document.querySelectorAll('.run dl').length === 4")
+        until(page, f"document.querySelectorAll('.run dl').length === {len(UNTIL) + 1}")
         picture(page, "runs")
         newest = [row.get_attribute("data-run") for row in page.locator(".run").all()]
         hall = next(name for name in newest if "patrol" in name)
         fault = next(name for name in newest if "fault" in name)
+        whole, part = [name for name in newest if name.endswith("figure-eight")]
         page.goto(f"{rig.url}/runs/replay?run={hall}&at=36")
         until(page, REPLAYED)
         picture(page, "replay")
-        page.goto(f"{rig.url}/runs/replay?run={newest[0]}&with={newest[1]}&at=30")
+        page.goto(f"{rig.url}/runs/replay?run={whole}&with={part}&at=30")
         until(page, f"{REPLAYED} && Boolean(artemis.beside?.state)")
         picture(page, "replay_two")
         page = opened(browser, rig, PHONE)

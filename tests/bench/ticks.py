@@ -124,7 +124,7 @@ def _our_cycle(robot: RobotFile, answers: list[Frame]) -> Callable[[], object]:
 
     def cycle() -> object:
         drives.wire.take_in()
-        feedback = drives.feedback(0.0)
+        feedback = drives.sense(0.0).drives
         for node in drives.nodes:
             bus.send(node.set_point_frame(0x0F, 0.2))
         bus.send(SYNC_FRAME)

@@ -12,7 +12,7 @@ import msgspec
 
 from artemis.mission.loading import load_mission
 from artemis.mission.schema import Mission
-from artemis.mission.tree import MissionTree, mission_tree
+from artemis.mission.tree import MissionTree, checks_of, mission_tree
 from artemis.progress import Position
 from artemis.states.advance import MissionFacts, advance
 from artemis.states.tree import inside
@@ -78,7 +78,8 @@ def long_mission(steps: int) -> dict[str, Any]:
 
 
 def _tree(parts: int) -> MissionTree:
-    return mission_tree(Mission.model_validate(long_mission(8 * parts)))
+    mission = Mission.model_validate(long_mission(8 * parts))
+    return mission_tree(mission, checks_of(mission))
 
 
 def _facts(outcome: str = "") -> MissionFacts:

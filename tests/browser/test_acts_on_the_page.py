@@ -16,7 +16,7 @@ from test_page import PHONE, in_control, until
 from artemis.mission.zones import zones_in
 from artemis.values import Pose
 
-pytestmark = [pytest.mark.realtime, pytest.mark.timeout(240)]
+pytestmark = pytest.mark.realtime
 MISSION = {
     "mission": "acts",
     "robot": "robots/artemis_lms100.yaml",

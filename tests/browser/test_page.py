@@ -14,7 +14,7 @@ from page_rig import PageRig
 from artemis.bridges.page.session import FRESH
 from artemis.values import OperatorInput, Request
 
-pytestmark = [pytest.mark.realtime, pytest.mark.timeout(180)]
+pytestmark = pytest.mark.realtime
 PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True, "device_scale_factor": 2}
 TAKES = 30_000
 """Milliseconds for anything on a busy computer."""
@@ -154,7 +154,10 @@ def test_what_the_robot_does_is_shown(chromium: Any, rig: PageRig) -> None:
     page.wait_for_selector("#mode-name[data-mode=follow]")
     assert "of the path" in page.inner_text("#phase")
     assert "m/s" in page.inner_text("#speed")
-    assert page.inner_text("#steps [aria-current=step]") == "follow paths/figure_eight.csv"
+    assert page.inner_text("#steps [aria-current=step] > .step") == "follow paths/figure_eight.csv"
+    until(page, "/^1x · [0-9]+ s$/.test(document.querySelector('#steps [aria-current=step] > .ran').textContent)")
+    assert page.inner_text("#steps li > .ran").endswith(" · done")
+    assert page.inner_text("#before") == "before: calibrate steering: done"
     page.click("#tab-drives")
     until(page, "document.querySelectorAll('#drives td.on').length === 4")
     page.click("#tab-charts")
@@ -267,6 +270,10 @@ def is_blocked(page: Any, hand: Any) -> None:
     page.evaluate("() => { const end = performance.now() + 1500; while (performance.now() < end); }")
 
 
+def is_offline(page: Any, hand: Any) -> None:
+    page.context.set_offline(True)
+
+
 def is_cancelled(page: Any, hand: Any) -> None:
     hand.cancel()
 
@@ -279,7 +286,10 @@ LOSSES: dict[str, Callable[[Any, Any], None]] = {
     "the page is frozen": freezes,
     "the page is blocked": is_blocked,
     "the browser dies": dies,
+    "the browser is offline": is_offline,
 }
+WELL_WITHIN = 1.0
+"""A loss has to stop the robot within 0.35 s; that it took longer than this [s] is no matter of a busy machine."""
 
 
 @pytest.mark.parametrize("loss", list(LOSSES))
@@ -296,9 +306,14 @@ def test_the_robot_stops_when(loss: str, chromium: Any, rig: PageRig) -> None:
     finally:
         for process in getattr(page, "frozen", []):
             os.kill(process, signal.SIGCONT)
-    rig.note(loss, begun)
+    assert rig.note(loss, begun) < WELL_WITHIN
     assert all((sample.age or 0.0) <= FRESH for _, sample, _ in rig.samples if sample.enabled)
-    if loss in ("the page is blocked", "the window loses the focus", "the touch is interrupted"):
+    if loss in (
+        "the browser is offline",
+        "the page is blocked",
+        "the window loses the focus",
+        "the touch is interrupted",
+    ):
         since = len(rig.samples)
         rig.wait(lambda _: len(rig.samples) > since + 40)
         assert not any(sample.enabled for _, sample, _ in rig.samples[since:]), "it is still held: press again"

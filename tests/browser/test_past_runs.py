@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 from browser import chromium, closed_after, own_key, run
 from page_rig import PageRig, Recorded, page_rig, recorded
-from test_page import PHONE, opened, until
+from test_page import CONTRAST, PHONE, opened, until
 
-pytestmark = [pytest.mark.realtime, pytest.mark.timeout(180)]
+pytestmark = pytest.mark.realtime
 FAULT = "fault_recovery_by_hand.yaml"
 
 
@@ -145,6 +145,43 @@ def test_a_replay_on_a_phone(chromium: Any, rig: PageRig) -> None:
     except AssertionError:  # so soon after a drag Chromium may take a tap for the end of its fling
         page.locator("#play").tap()
         until(page, f"artemis.time > {before}")
+
+
+@pytest.mark.parametrize("width", [390, 820, 1280])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_replay_does_not_look_live(scheme: str, width: int, chromium: Any, rig: PageRig) -> None:
+    """Words that say so are in view wherever the page is scrolled to, and stripes that the live page has not."""
+    page = listed(chromium, rig, viewport={"width": width, "height": 844}, color_scheme=scheme)
+    page.locator("[data-act=replay]").first.click()
+    replayed(page)
+    for down in (0, 5000):
+        page.evaluate(f"scrollTo(0, {down})")
+        for selector, words in (("#past", "not what the robot does now"), ("#simulated", "simulation")):
+            assert words in page.inner_text(selector)
+            box = page.locator(selector).bounding_box()
+            assert box["width"] > 50
+            assert 0 <= box["x"]
+            assert box["x"] + box["width"] <= width
+            assert 0 <= box["y"] < 200
+            x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+            assert page.evaluate(f"document.elementFromPoint({x}, {y}).closest('{selector}') !== null"), (
+                "nothing over it"
+            )
+        assert "live robot" in page.inner_text("#stop")
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    stripes = "getComputedStyle(document.getElementById('past')).backgroundImage"
+    assert "repeating-linear-gradient" in page.evaluate(stripes)
+    contrast = page.evaluate(CONTRAST.replace("[['text', 'panel']", "[['on-past', 'past'], ['on-past', 'past-too']"))
+    assert min(value for name, value in contrast if name == "on-past") >= 4.5
+
+
+@pytest.mark.parametrize("width", [390, 820])
+def test_a_simulation_says_so_on_a_phone(width: int, chromium: Any, rig: PageRig) -> None:
+    page = opened(chromium, rig, viewport={"width": width, "height": 844})
+    box = page.locator("#simulated").bounding_box()
+    assert page.inner_text("#simulated") == "simulation"
+    assert box["x"] + box["width"] <= width
+    assert page.locator("#past").count() == 0
 
 
 def test_every_part_of_a_replay_has_a_name(chromium: Any, rig: PageRig) -> None:

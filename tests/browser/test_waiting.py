@@ -12,9 +12,10 @@ from typing import Any
 import pytest
 from browser import chromium, own_key, run
 from command_line import MISSIONS, read_until, started
-from ports import free_port
 
-pytestmark = [pytest.mark.realtime, pytest.mark.timeout(300)]
+from artemis_lab.bench.ports import free_port
+
+pytestmark = pytest.mark.realtime
 TAKES = 90_000
 PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True, "device_scale_factor": 2}
 BROKEN = "mission: broken\nrobot: robots/artemiz.yaml\nbus: simulation\nsteps: [{wait: {seconds: 1}}]\n"

@@ -259,7 +259,7 @@ def _misnamed(found: Fault, device: str, code: int, _: object) -> Fault:
 
 
 def _not_aligned(shared: Any, snapshot: Any) -> Any:
-    return (yield from enable(shared.plan, ON, snapshot))
+    return (yield from enable(shared, ON, snapshot))
 
 
 def _no_way_to_fault(original: Any) -> Any:
@@ -555,17 +555,17 @@ BUGS: tuple[Bug, ...] = (
         "outcomes are not caught",
         "words",
         "I0",
-        {"artemis.states.advance.names_of": becomes(lambda outcome: {outcome})},
+        {"artemis.states.tree.Try.names": becomes(lambda self, outcome: (outcome,))},
     ),
     Bug(
         "words begin anew in the resumed run",
-        "words, killed in the second round",
+        "words, resumed in the second round",
         "I13",
         {"artemis.app.where_it_stopped": _resumed_at(place="")},
     ),
     Bug(
         "resumed run does not know how far the mission came",
-        "words, killed after the break",
+        "words, resumed after the break",
         "I13",
         {"artemis.app.where_it_stopped": _resumed_at(driven=0.0)},
     ),

@@ -94,10 +94,10 @@ WORDS: list[dict[str, Any]] = [
 ]
 
 
-def compose(*faults: dict[str, Any], killed_at: float | None = None, acts: Acts = ()) -> Scenario:
-    """Words around a path, there (from 7.3 s on, with a break at 0.3 m) and back; a run that is killed is resumed."""
+def compose(*faults: dict[str, Any], resumed_after: float | None = None, acts: Acts = ()) -> Scenario:
+    """Words around a path, there (from 7.3 s on, with a break at 0.3 m) and back."""
     table = "x,y\n" + "".join(f"{x:.5f},{y:.5f}\n" for x, y in _line(0.0))
-    return replace(_scenario([ALIGN, *WORDS], {"path.csv": table}, faults, acts, killed_at=killed_at), resumed=True)
+    return replace(_scenario([ALIGN, *WORDS], {"path.csv": table}, faults, acts), resumed_after=resumed_after)
 
 
 def approach(*faults: dict[str, Any], acts: Acts = ()) -> Scenario:
@@ -229,6 +229,7 @@ SCENARIOS: dict[str, Scenario] = {
         seconds=6.0,
     ),
     "killed": drive(killed_at=6.5),
+    "killed, and resumed": replace(compose(), killed_at=9.5, resumed_after=0.0),
     "program fails between two ticks": drive(fault("SYS-04", 4.1707), tick_hz=40),
     "program fails just before a tick": drive(fault("SYS-04", 6.5199)),
     "follower raises": follow(fault("PLG-02", 8.5)),
@@ -264,12 +265,12 @@ SCENARIOS: dict[str, Scenario] = {
         seconds=9.0,
     ),
     "words": compose(),
-    "words, killed while the wheels are aligned": compose(killed_at=5.5),
-    "words, killed after the break": compose(killed_at=9.6),
-    "words, killed in the second round": compose(killed_at=12.2),
-    "words, killed on the way back": compose(killed_at=14.0),
-    "words, killed after a fault": compose(
-        fault("DRV-25", 8.0, STEER), acts=[(9.0, "acknowledge"), (11.0, "arm")], killed_at=16.0
+    "words, resumed while the wheels are aligned": compose(resumed_after=0.3),
+    "words, resumed after the break": compose(resumed_after=0.54),
+    "words, resumed in the second round": compose(resumed_after=0.7),
+    "words, resumed on the way back": compose(resumed_after=0.8),
+    "words, resumed after a fault": compose(
+        fault("DRV-25", 8.0, STEER), acts=[(9.0, "acknowledge"), (11.0, "arm")], resumed_after=0.66
     ),
     "behaviour": approach(),
     "wheels freed in a stop": approach(

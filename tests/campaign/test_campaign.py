@@ -67,7 +67,7 @@ def test_interrupted_campaign_keeps_its_runs_and_goes_on(tmp_path: Path) -> None
     again = artemis_campaign(path)
 
     assert again.returncode == 0, again.stdout
-    assert f"goes on after {len(finished)} finished runs" in again.stdout
+    assert f"continues after {len(finished)} finished runs" in again.stdout
     assert sorted(seeds_in(results)) == list(range(FIRST, FIRST + 8))
     assert seeds_in(results)[: len(finished)] == finished
 
@@ -98,8 +98,10 @@ def test_one_seed_runs_in_sight_and_keeps_its_folder(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
     assert "0 violations" in done.stdout
     assert "proving the watchdog" in done.stdout
-    (run,) = load_campaign(path).scenario_folder(4).glob("runs/*")
-    assert {"journal.jsonl", "recording.mcap"} <= {file.name for file in run.iterdir()}
+    first, cut, resumed = sorted(load_campaign(path).scenario_folder(4).glob("runs/*"))
+    assert cut.name == f"{first.name}-cut"
+    for run in (first, cut, resumed):
+        assert {"journal.jsonl", "recording.mcap"} <= {file.name for file in run.iterdir()}
 
 
 def test_wrong_campaign_is_refused(tmp_path: Path) -> None:

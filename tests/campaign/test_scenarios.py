@@ -64,7 +64,7 @@ def test_every_injection_of_scanners_is_drawn_for_a_robot_that_has_one() -> None
 
     assert {fault["inject"] for it in given for fault in it.faults} >= set(OF_SCANNERS)
     assert {it.mission["obstacles"]["mode"] for it in given} == {"stop", "slow"}
-    assert not any(it.resumed for it in given)
+    assert all(it.resumed_after is not None for it in given)
 
 
 def test_scenarios_are_of_all_kinds(robot: RobotFile) -> None:
@@ -82,8 +82,9 @@ def test_scenarios_are_of_all_kinds(robot: RobotFile) -> None:
     }
     assert any(not given.operator for given in scenarios)
     assert any(given.killed_at is not None for given in scenarios)
-    assert any(given.resumed and given.disturbed for given in scenarios)
-    assert any(given.resumed and not given.disturbed for given in scenarios)
+    assert all(0.0 <= given.resumed_after <= 1.0 for given in scenarios if given.resumed_after is not None)
+    assert all(given.resumed_after is not None for given in scenarios), "every draw is resumed where that is possible"
+    assert sum(not given.disturbed for given in scenarios) > 0.1 * len(scenarios)
 
 
 def test_who_is_asked_has_an_answer_half_a_second_later_in_a_resumed_run_too(robot: RobotFile) -> None:

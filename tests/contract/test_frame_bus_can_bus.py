@@ -18,7 +18,7 @@ from frame_bus_suite import PATIENCE, arrived, bare
 
 from artemis import clock
 from artemis.clock import run
-from artemis.devices.can_bus import CanBus, Frame, check_bus_words, place_of, with_port
+from artemis.devices.can_bus import CanBus, Frame, check_bus_words
 from artemis.errors import ConfigError, DeviceBusy, DeviceError, DeviceLost
 
 
@@ -437,15 +437,3 @@ def test_nothing_of_python_can_is_imported_for_a_frame() -> None:
 
     code = "import sys, artemis.devices.can_bus; sys.exit('can' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], env=dict(os.environ), check=False).returncode == 0
-
-
-def test_groups_of_multicast_that_name_no_port_have_ports_of_their_own() -> None:
-    """python-can binds the port of every group: with one port two simulations would share NMT and set-points."""
-    words = [{"interface": "udp_multicast", "channel": f"239.74.163.{last}", "hop_limit": 0} for last in range(2, 12)]
-    ports = [with_port(each).get("port", 43113) for each in words]
-    assert len(set(ports)) == len(ports)
-    assert ports[0] == 43113, "python-can's own group keeps its port, for other tools"
-    assert with_port({**words[1], "port": 5000})["port"] == 5000
-    assert with_port({"interface": "socketcan", "channel": "can0"}) == {"interface": "socketcan", "channel": "can0"}
-    assert place_of(words[1]) == f"udp_multicast 239.74.163.3 port {ports[1]}"
-    assert place_of(words[0]) == "udp_multicast 239.74.163.2"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
@@ -85,10 +86,86 @@ def test_the_continuous_integration_runs_with_the_extras_what_make_test_skipped(
     assert "1 passed" in done.stdout
 
 
-def test_the_continuous_integration_skips_what_needs_hardware(tmp_path: Path) -> None:
-    lacking = SKIPPING.format(lacks=True, reason="/dev/uhid: is missing")
+@pytest.mark.parametrize(
+    ("reason", "status"),
+    [
+        ("/dev/uhid: is missing", 0),
+        ("library of Avalon: built by scripts/serial_peers", 0),
+        ("libLMS1xx: built by scripts/scanner_peers", 0),
+        ("rawlog-grabber of MRPT: installed by scripts/scanner_peers", 1),
+        ("Fast DDS: built by scripts/ros2_peers", 1),
+        ("installed by scripts/ros_peers", 1),
+    ],
+)
+def test_the_continuous_integration_skips_what_needs_hardware_or_is_fetched_from_its_authors(
+    tmp_path: Path, reason: str, status: int
+) -> None:
+    lacking = SKIPPING.format(lacks=True, reason=reason)
     assert pytest_of(tmp_path, "unit", lacking, CI="true").returncode == 0
-    assert pytest_of(tmp_path, "unit", lacking, "--left", CI="true").returncode == 0
+    assert pytest_of(tmp_path, "unit", lacking, "--left", CI="true").returncode == status
+
+
+BUSY = """
+import os, pytest
+from pathlib import Path
+
+pytestmark = pytest.mark.realtime
+
+@pytest.fixture(autouse=True)
+def busy(monkeypatch):
+    monkeypatch.setattr(os, "getloadavg", lambda: (float(os.environ["LOAD"]), 0.0, 0.0))
+
+@pytest.mark.{marker}
+@pytest.mark.parametrize("number", [1, 2])
+def test_in_time(number):
+    assert number != int(os.environ["WRONG"])
+
+def test_other(): ...
+"""
+"""A test that fails with one number; the load is what the test says."""
+
+
+def late_in(tmp_path: Path) -> list[str]:
+    kept: list[str] = json.loads((tmp_path / ".pytest_cache/v/artemis/late").read_text())
+    return [name.partition("::")[2] for name in kept]
+
+
+@pytest.mark.parametrize("marker", ["skipif(False, reason='')", "exhaustive"])
+def test_what_failed_on_a_busy_machine_has_to_pass_alone(tmp_path: Path, marker: str) -> None:
+    """The load is still as high then: it excuses nothing any more."""
+    tests, all = BUSY.format(marker=marker), ("-m", "")
+    done = pytest_of(tmp_path, "unit", tests, *all, CI="true", LOAD="1000", WRONG="1")
+    assert (done.returncode, late_in(tmp_path)) == (0, ["test_in_time[1]"])
+    assert "2 passed, 1 skipped" in done.stdout
+    for _ in range(2):
+        again = pytest_of(tmp_path, "unit", tests, *all, "--late", LOAD="1000", WRONG="1")
+        assert (again.returncode, late_in(tmp_path)) == (1, ["test_in_time[1]"])
+        assert "1 failed" in again.stdout
+        assert "test_in_time[1]" in again.stdout.partition("still not passed")[2]
+    passed = pytest_of(tmp_path, "unit", tests, *all, "--late", LOAD="1000", WRONG="0")
+    assert (passed.returncode, late_in(tmp_path)) == (0, [])
+    assert "1 passed" in passed.stdout
+    none = pytest_of(tmp_path, "unit", tests, *all, "--late", LOAD="0", WRONG="1")
+    assert (none.returncode, late_in(tmp_path)) == (0, []), "nothing was late"
+
+
+def test_a_run_of_some_tests_forgets_none_that_was_late_unless_it_passed(tmp_path: Path) -> None:
+    tests = BUSY.format(marker="skipif(False, reason='')")
+    pytest_of(tmp_path, "unit", tests, LOAD="1000", WRONG="1")
+    pytest_of(tmp_path, "unit", tests, "-k", "in_time and 2", LOAD="1000", WRONG="2")
+    assert late_in(tmp_path) == ["test_in_time[1]", "test_in_time[2]"]
+    pytest_of(tmp_path, "unit", tests, "--left", LOAD="0", WRONG="0")
+    assert late_in(tmp_path) == ["test_in_time[2]"]
+    pytest_of(tmp_path, "unit", tests, LOAD="0", WRONG="0")
+    assert late_in(tmp_path) == [], "a complete run begins anew"
+
+
+def test_one_that_was_late_and_is_not_found_is_told(tmp_path: Path) -> None:
+    tests = BUSY.format(marker="skipif(False, reason='')")
+    pytest_of(tmp_path, "unit", tests, LOAD="1000", WRONG="1")
+    done = pytest_of(tmp_path, "unit", tests.replace("in_time", "of_another_name"), "--late", LOAD="0", WRONG="0")
+    assert done.returncode == 1
+    assert "test_in_time[1]" in done.stdout.partition("still not passed")[2]
 
 
 def test_make_test_all_leaves_nothing_out_and_is_done_every_night() -> None:
@@ -99,7 +176,8 @@ def test_make_test_all_leaves_nothing_out_and_is_done_every_night() -> None:
         ("test-all", ' -m "" --hypothesis-profile=exhaustive'),
     ):
         assert COMMAND.format(name, words) in makefile
-    assert "\nfor target in test-all " in night
-    for target in ("test", "test-ci", "core-coverage"):
+    assert "\nfor target in test-all late " in night
+    assert change.index("directory test-ci\n") < change.index("directory late\n")
+    for target in ("test", "test-ci", "late", "core-coverage"):
         assert f"\nstep make --no-print-directory {target}\n" in change
     assert '"make --no-print-directory docs"\n' in change

@@ -23,13 +23,13 @@ from command_line import (
     stream,
     write_mission,
 )
-from ports import free_port
 
 from artemis.mission.loading import load_model
 from artemis.recording.mcap_reader import Recording
 from artemis.vehicle import RobotFile
+from artemis_lab.bench.ports import free_port
 
-pytestmark = [pytest.mark.realtime, pytest.mark.timeout(180)]
+pytestmark = pytest.mark.realtime
 
 GROUP = "239.74.163.2"
 NODE, POSITION_GAINS = 3, 0x60FB

@@ -32,6 +32,9 @@ load_mission(Path(sys.argv[1]))
 print("imported:", *sys.modules)
 """
 
+BRIDGES = ("rosbags", "cyclonedds", "websockets", "foxglove")
+"""What talks to other programs."""
+
 
 def imported(program: str, mission: Path) -> set[str]:
     """Modules, and packages above them, that are there before the report of a run."""
@@ -70,3 +73,24 @@ def test_a_run_without_a_path_imports_no_scipy(tmp_path: Path, program: str) -> 
     names = imported(program, mission)
 
     assert unwanted(names, "matplotlib", "artemis.calibration", "scipy") == []
+
+
+def test_the_main_path_imports_nothing_of_other_programs() -> None:
+    """What a tick does is known without them; what they say comes in as samples, and goes out as ticks."""
+    program = (
+        "import sys, artemis.robot, artemis.devices.drive, artemis.plugins.guard; print('imported:', *sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    names = set(done.stdout.partition("imported: ")[2].split())
+
+    assert "artemis.states.modes" in names
+    assert unwanted(names, "artemis.bridges", "artemis.page", *BRIDGES) == []
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("program", [CHECK, RUN])
+def test_a_run_without_other_programs_imports_nothing_that_talks_to_them(tmp_path: Path, program: str) -> None:
+    names = imported(program, write_mission(tmp_path))
+    own = [f"artemis.bridges.{name}" for name in ("ros1", "ros2", "rosbridge", "ros_types", "topics", "received")]
+
+    assert unwanted(names, *own, *BRIDGES) == []

@@ -96,7 +96,7 @@ def test_answers_that_no_machine_has_are_asked_again(tmp_path: Path, monkeypatch
         ),
         (
             ["Tractor", "0.2", "0.9", *TRACTOR[3:]],
-            "robots/robot.yaml:8:3: geometry.track_m: expected at most three times wheelbase_m (0.2 m), found 0.9 m",
+            "robots/robot.yaml:9:3: geometry.track_m: expected at most three times wheelbase_m (0.2 m), found 0.9 m",
         ),
     ],
 )

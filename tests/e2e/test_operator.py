@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import signal
-import socket
 import stat
 import subprocess
 from io import StringIO
@@ -24,6 +23,8 @@ from command_line import (
     stream,
 )
 from pseudo_terminal import Terminal, terminal
+
+from artemis_lab.bench.ports import free_port
 
 UP, UP_RELEASED, TELLS_RELEASE, THERE = b"\x1b[1;1:1A", b"\x1b[1;1:3A", b"\x1b[?2u", b"\x1b[0n"
 
@@ -46,9 +47,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def mission(folder: Path) -> tuple[Path, int]:
     """That of the docs, without its calibration, on a port of its own."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
+    port = free_port()
     (folder / "robots").mkdir()
     shutil.copy(ROBOT, folder / "robots")
     text = (MISSIONS / "network_teleop.yaml").read_text()

@@ -107,11 +107,11 @@ def assert_named(process: subprocess.Popen[str], folder: Path, method: str) -> N
     """The process has ended, and says whose fault it was and where; the journal says it, too."""
     errors = stream(process.stderr).read()
     assert process.wait(timeout=PATIENCE) == 71
-    assert "artemis: plugin 'stick' has not answered for 5 s: the run is ended" in errors
+    assert "artemis: plugin 'stick' (evil of evil 1.0) has not answered for 5 s: the run is ended" in errors
     assert "evil.py" in errors
     assert f", in {method}" in errors
     journal = read_journal(only_run(folder) / "journal.jsonl")
-    assert "plugin 'stick' has not answered" in journal.entries[-1].text
+    assert "plugin 'stick' (evil of evil 1.0) has not answered" in journal.entries[-1].text
 
 
 @pytest.mark.slow

@@ -134,6 +134,22 @@ def test_after_a_kill_the_next_run_tells_how_to_go_on(tmp_path: Path) -> None:
     assert "the recording is not whole: the file is cut off" in said
 
 
+def test_a_run_under_way_is_not_taken_for_one_that_broke_off(tmp_path: Path) -> None:
+    mission = endless_mission(tmp_path)
+    with started("run", mission) as process:
+        read_until(process, "follow     following")
+        live = only_run(tmp_path)
+        refused = artemis_here("run", mission, "--resume", live)
+        with started("run", mission) as second:
+            said = read_until(second, "listening")
+        process.kill()
+        process.wait()
+
+    assert (refused.returncode, refused.stdout) == (2, "")
+    assert refused.stderr == f"{live}: cannot be resumed: this run is still under way; end it first\n"
+    assert label(said, "last run") == f"{live} is still under way"
+
+
 @pytest.mark.exhaustive
 @pytest.mark.realtime
 def test_a_run_killed_in_real_time_is_gone_on_with_where_it_was(tmp_path: Path) -> None:
@@ -167,3 +183,38 @@ def driven(run: Path) -> float:
     except RecordingError:
         return 0.0
     return last.position.done if last is not None else 0.0
+
+
+HANDLED = """  - try:
+      retries: 1
+      between: [{say: again}]
+      steps: [{wait: {for: run_s > 99999, at_most_s: 0.3}}]
+      catch: {timeout: [{say: too late}, {wait: {seconds: 100}}, {say: handled}]}
+  - say: all is done
+"""
+
+
+def happened(folder: Path) -> list[str]:
+    """What its journal says of the mission."""
+    return [entry.text for entry in read_journal(folder / "journal.jsonl").entries if entry.kind == "mission"]
+
+
+@pytest.mark.slow
+def test_a_run_that_is_killed_in_the_branch_of_a_try_does_the_rest_of_it_and_nothing_else(tmp_path: Path) -> None:
+    mission = write_mission(tmp_path)
+    head = mission.read_text().partition("  - calibrate")[0]
+    mission.write_text(head + HANDLED)
+    with started("run", mission) as process:
+        read_until(process, "mission    too late")
+        wait_until_driven(process, only_run(tmp_path), 5.0)  # seconds of the wait that handles it
+        process.kill()
+        process.wait()
+    killed = only_run(tmp_path)
+    assert happened(killed)[-1] == "said: too late"
+    resumed = artemis("run", mission, "--resume", killed)
+    assert resumed.returncode == 0, resumed.stdout + resumed.stderr
+    (second,) = set(runs(tmp_path)) - {killed}
+    whole = artemis("run", mission)
+    assert whole.returncode == 0
+    (third,) = set(runs(tmp_path)) - {killed, second}
+    assert happened(killed) + happened(second) == happened(third)

@@ -14,10 +14,11 @@ from typing import Any
 import httpx
 import pytest
 from command_line import MISSIONS, ROBOT, artemis_here, read_until, started
-from ports import free_port
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
+
+from artemis_lab.bench.ports import free_port
 
 MISSION = """
 mission: page-teleop
@@ -76,7 +77,6 @@ def children(process: int) -> list[int]:
 
 @pytest.mark.realtime
 @pytest.mark.exhaustive
-@pytest.mark.timeout(240)
 def test_a_run_is_driven_from_its_page_and_survives_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     mission, port = tmp_path / "mission.yaml", free_port()

@@ -62,6 +62,20 @@ def test_a_terminal_that_is_closed_stops_the_robot(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.realtime
+def test_a_key_answers_the_question_that_is_asked(tmp_path: Path) -> None:
+    mission = write_mission(tmp_path, more=REAL_TIME)
+    steps = mission.read_text().partition("  - calibrate")[0], REAL_TIME
+    mission.write_text('  - ask: {question: "which way?", answers: [left, right]}\n'.join(steps))
+    with terminal(mission) as screen:
+        screen.see("1 to 9 answer")
+        screen.see("which way?")
+        screen.press(b"2")
+        screen.see("answer     2")
+        assert screen.end() == 0
+
+
+@pytest.mark.slow
 def test_ctrl_c_ends_a_run_on_virtual_time(tmp_path: Path) -> None:
     with terminal(endless_mission(tmp_path)) as screen:
         assert "keys:" not in screen.see("following")

@@ -25,11 +25,11 @@ from command_line import (
     stream,
     write_mission,
 )
-from ports import free_port
 
 from artemis.mission.loading import load_model
 from artemis.recording.mcap_reader import Recording
 from artemis.vehicle import RobotFile
+from artemis_lab.bench.ports import free_port
 
 pytestmark = pytest.mark.realtime
 
@@ -135,6 +135,20 @@ def test_a_mission_is_done_against_simulated_drives_in_another_process(
     if lost_contacts(run) > len(robot.drives):  # once each while the watchdog is proven
         pytest.skip("this machine is too busy for real time: the simulated drives did not run for 200 ms")
     assert_left_at_rest(run)
+
+
+@pytest.mark.slow
+@pytest.mark.realtime
+def test_a_second_run_on_a_group_names_a_free_one(tmp_path: Path, port: int) -> None:
+    mission = udp_mission(tmp_path, port)
+    with simulated_robot(port), started("run", mission) as first:
+        read_until(first, "calibrate")
+        second = artemis("run", mission)
+
+        assert second.returncode == 1
+        assert "FAILED: COM-18" in second.stdout
+        assert "take a free group: bus: {interface: udp_multicast, channel: 239.74.163." in second.stdout
+        assert f"channel: {GROUP}}}" not in second.stdout
 
 
 @pytest.mark.exhaustive

@@ -16,13 +16,13 @@ from typing import Any, Self
 import httpx
 import pytest
 from command_line import MISSIONS, artemis_here, assert_left_at_rest, only_run, read_until, started
-from ports import free_port
 from websockets.exceptions import WebSocketException
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from artemis.commands.run import run_and_report
 from artemis.errors import ConfigError
+from artemis_lab.bench.ports import free_port
 
 MISSION = """
 # Straight on.
@@ -136,7 +136,6 @@ def asked_to_end(browser: Browser) -> None:
 
 @pytest.mark.realtime
 @pytest.mark.exhaustive
-@pytest.mark.timeout(300)
 def test_a_run_is_started_once_and_the_page_comes_back_with_its_end(folder: Path) -> None:
     with waiting(folder, free_port()) as (page, one), one.another() as two:
         with one.link("/waiting") as first, two.link("/waiting") as second:
@@ -173,7 +172,6 @@ def test_a_run_is_started_once_and_the_page_comes_back_with_its_end(folder: Path
 
 @pytest.mark.realtime
 @pytest.mark.exhaustive
-@pytest.mark.timeout(300)
 def test_a_run_ends_in_order_with_the_page_that_started_it(folder: Path) -> None:
     port = free_port()
     with waiting(folder, port) as (page, browser):
@@ -195,7 +193,6 @@ def test_a_run_ends_in_order_with_the_page_that_started_it(folder: Path) -> None
 
 @pytest.mark.realtime
 @pytest.mark.exhaustive
-@pytest.mark.timeout(300)
 def test_the_end_of_the_page_ends_its_run_first_however_often_it_is_asked_for(folder: Path) -> None:
     with waiting(folder, free_port()) as (page, browser):
         begin(browser)

@@ -177,7 +177,7 @@ def hear(data: bytes) -> None:
         now += pause * MILLISECOND
         bus.waiting.append(structs.replace(frame, time=now))
         drives.wire.take_in()
-        for feedback in drives.feedback(now):
+        for feedback in drives.sense(now).drives:
             numbers = (feedback.position, feedback.velocity, feedback.current, *feedback.potentiometers)
             assert all(map(isfinite, numbers))
             assert feedback.age is None or feedback.age >= 0.0

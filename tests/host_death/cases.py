@@ -19,14 +19,13 @@ from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from ports import free_port
-
 from artemis import clock
 from artemis.drive_states import DriveState
 from artemis.mission.loading import load_model
 from artemis.sim.server import serve
 from artemis.sim.world import World
 from artemis.vehicle import RobotFile
+from artemis_lab.bench.ports import free_port
 
 from .drives import Trip, WatchedBus, WatchedDrive, WatchedWorld
 

@@ -9,10 +9,10 @@ import socket
 
 import can
 import pytest
-from ports import free_port
 
 from artemis import clock
 from artemis.devices.can_bus import CanBus, Frame
+from artemis_lab.bench.ports import free_port
 
 from .cases import GROUP, MISSIONS, PATIENCE, WATCH, Case, Process, draw, play_one, words
 

@@ -53,6 +53,8 @@ steps:
   - calibrate: {{steering: from_potentiometers}}
   - teleop: {{input: hand, until: {{button: done}}}}
 """
+MISC = 8
+"""A lamp (LED_MISC)."""
 FLOOD = 400
 """Changes that nobody reads: more than the kernel keeps for a reader."""
 
@@ -62,6 +64,7 @@ class Device(Protocol):
 
     effects: list[bytes]
     played: list[tuple[int, int]]
+    lit: list[tuple[int, int]]
 
     def send(self, changes: Mapping[int, int]) -> None: ...
 
@@ -71,7 +74,7 @@ class Device(Protocol):
 def uinput(held: Held) -> Device:
     """One that has no driver."""
     key = held.profile.parts[""]
-    return UinputDevice(held.profile.name, key.vendor, key.product, held.axes, held.keys, held.forces)
+    return UinputDevice(held.profile.name, key.vendor, key.product, held.axes, held.keys, held.forces, held.lamps)
 
 
 def usb(held: Held) -> Device:
@@ -91,16 +94,24 @@ class Held:
     keys: tuple[int, ...]
     forces: tuple[int, ...]
     make: Callable[[Held], Device] = uinput
+    plugged: Device | None = None
+    lamps: tuple[int, ...] = ()
 
     def plug(self) -> Device:
-        made = self.make(self)
+        self.plugged = self.make(self)
         deadline = time.monotonic() + 10.0
         while not any(os.path.exists(node.info.path) for node in self._nodes()):
             if time.monotonic() > deadline:
-                made.close()
+                self.unplug()
                 raise Impossible("the kernel made no event node of it")
             time.sleep(0.1)
-        return made
+        return self.plugged
+
+    def unplug(self) -> None:
+        """Harmless when repeated."""
+        device, self.plugged = self.plugged, None
+        if device is not None:
+            device.close()
 
     def _nodes(self) -> list[EventNode]:
         key = self.profile.parts[""]
@@ -128,7 +139,7 @@ class Held:
 
 def pad(make: Callable[[Held], Device] = uinput) -> Held:
     profile = profile_from((SHIPPED / "xbox-360-usb.yaml").read_bytes(), "xbox-360-usb.yaml")
-    return Held(profile, PAD_AXES, PAD_KEYS, (RUMBLE,), make)
+    return Held(profile, PAD_AXES, PAD_KEYS, (RUMBLE,), make, lamps=(MISC,) if make is uinput else ())
 
 
 def wheel() -> Held:
@@ -158,6 +169,8 @@ def drive(held: Held, slow: float, environment: Mapping[str, str]) -> str:
             except (Wrong, queue.Empty) as error:
                 lines = [str(error) or "nothing more comes", *told.lines, *told.come()]
                 raise Wrong("\n    ".join(lines)) from None
+            finally:
+                held.unplug()
             if run.wait(PATIENCE) != 0:
                 raise Wrong("\n    ".join([f"exit status {run.returncode}", *told.lines, *told.come()]))
         (folder_of_run,) = (Path(folder) / "runs").iterdir()
@@ -187,7 +200,7 @@ def act(held: Held, device: Device, told: Told, slow: float) -> str:
     told.wait_for("hold the enable button")
     drive()
     first = feel(held, device, stopped=False)
-    device.close()
+    held.unplug()
     told.wait_for("INP-01")
     told.wait_for("quickstop")
     device = held.plug()
@@ -208,7 +221,6 @@ def act(held: Held, device: Device, told: Told, slow: float) -> str:
     told.wait_for("report  ")
     if any("INP-16" in line for line in told.lines):
         raise Wrong("the device did not take an effect")
-    device.close()
     return f"{first}; {felt}"
 
 
@@ -221,9 +233,11 @@ def feel(held: Held, device: Device, *, stopped: bool) -> str:
     kinds = [struct.unpack_from("@H", effect)[0] for effect in device.effects]
     if held.profile.kind == "stick":
         uploads = [RUMBLE] * stopped if isinstance(device, UinputDevice) else []
-        if kinds != uploads or len(device.played) != stopped:
-            raise Wrong(f"effects {kinds}, played {device.played}")
-        return "it rumbled at the stop" if stopped else "nothing was felt while it drove"
+        lit = [(MISC, on) for on in (1, 0, 1)] * stopped if held.lamps else []  # it joined a robot that was stopped
+        if kinds != uploads or len(device.played) != stopped or device.lit != lit:
+            raise Wrong(f"effects {kinds}, played {device.played}, lamps {device.lit}")
+        seen = " and its lamp was on" if lit else ""
+        return f"it rumbled at the stop{seen}" if stopped else "nothing was felt while it drove"
     springs = [struct.unpack_from("@H", effect, 16)[0] / 0xFFFF for effect in device.effects if effect[0] == SPRING]
     pushes = [struct.unpack_from("@h", effect, 16)[0] / 0x7FFF for effect in device.effects if effect[0] == CONSTANT]
     if not springs or max(springs) > FORCE + 0.001 or max(springs) < 0.9 * FORCE:
@@ -258,7 +272,7 @@ def flood(held: Held) -> str:
         finally:
             handle.close()
     finally:
-        device.close()
+        held.unplug()
     if len(reports) > FLOOD or (last["x"], last["button.tl"]) != (-1234, 0):
         raise Wrong(f"{len(reports)} reports, the last {last}")
     return f"of {FLOOD + 2} changes {len(reports)} were read, the last state is right"

@@ -1,23 +1,35 @@
-"""`artemis` under libfaketime, which does not know the call in which threads wait for an event (sem_clockwait)."""
+"""`artemis` under libfaketime, which does not know the call in which threads wait for so long (sem_clockwait)."""
 
 from __future__ import annotations
 
 import threading
 import time
+from typing import Any
 
 from artemis.cli import main
 
 SLICE = 0.02
 """[s]."""
+_forever = threading.Condition.wait
 
 
-def wait(event: threading.Event, timeout: float | None = None) -> bool:
-    """As `Event.wait`, by sleeping."""
-    deadline = None if timeout is None else time.monotonic() + timeout
-    while not event.is_set() and (deadline is None or time.monotonic() < deadline):
-        time.sleep(SLICE)
-    return event.is_set()
+def wait(condition: Any, timeout: float | None = None) -> bool:  # noqa: ANN401 (attributes that have no types)
+    """As `Condition.wait`, on which `Event.wait` is built, by sleeping."""
+    if timeout is None:
+        return _forever(condition)
+    waiter = threading.Lock()
+    waiter.acquire()
+    condition._waiters.append(waiter)
+    saved, deadline = condition._release_save(), time.monotonic() + timeout
+    try:
+        while not (woken := waiter.acquire(False)) and time.monotonic() < deadline:
+            time.sleep(min(SLICE, timeout))
+    finally:
+        condition._acquire_restore(saved)
+    if not woken and waiter in condition._waiters:
+        condition._waiters.remove(waiter)
+    return woken
 
 
-threading.Event.wait = wait  # type: ignore[assignment,method-assign]
+threading.Condition.wait = wait  # type: ignore[assignment,method-assign]
 main()

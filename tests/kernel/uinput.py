@@ -11,8 +11,8 @@ from collections.abc import Collection, Mapping
 
 _CREATE, _DESTROY = 0x5501, 0x5502
 _SETUP, _ABS_SETUP = 0x405C5503, 0x401C5504
-_SET_TYPE, _SET_KEY, _SET_ABS, _SET_FORCE = 0x40045564, 0x40045565, 0x40045567, 0x4004556B
-_SYN, _KEY, _ABS, _FF, _UINPUT = 0x00, 0x01, 0x03, 0x15, 0x101
+_SET_TYPE, _SET_KEY, _SET_ABS, _SET_LAMP, _SET_FORCE = 0x40045564, 0x40045565, 0x40045567, 0x40045569, 0x4004556B
+_SYN, _KEY, _ABS, _LAMP, _FF, _UINPUT = 0x00, 0x01, 0x03, 0x11, 0x15, 0x101
 _UPLOAD, _ERASE = 1, 2
 _EVENT = struct.Struct("@llHHi")
 _EFFECT = 48
@@ -34,13 +34,17 @@ class UinputDevice:
         axes: Mapping[int, tuple[int, int]],
         keys: Collection[int],
         forces: Collection[int] = (),
+        lamps: Collection[int] = (),
     ) -> None:
         self.effects: list[bytes] = []
         """Every one that was uploaded, in order."""
         self.played: list[tuple[int, int]] = []
         """Code and value of each event for the motors."""
+        self.lit: list[tuple[int, int]] = []
+        """Of each for the lamps."""
         self._file = os.open("/dev/uinput", os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
-        for kind, request, codes in ((_KEY, _SET_KEY, keys), (_ABS, _SET_ABS, axes), (_FF, _SET_FORCE, forces)):
+        kinds = (_KEY, _SET_KEY, keys), (_ABS, _SET_ABS, axes), (_FF, _SET_FORCE, forces), (_LAMP, _SET_LAMP, lamps)
+        for kind, request, codes in kinds:
             if codes:
                 fcntl.ioctl(self._file, _SET_TYPE, kind)
             for code in codes:
@@ -72,8 +76,8 @@ class UinputDevice:
             if not select.select([self._file], [], [], 0.05)[0]:
                 continue
             _, _, kind, code, value = _EVENT.unpack(os.read(self._file, _EVENT.size))
-            if kind == _FF:
-                self.played.append((code, value))
+            if kind in (_FF, _LAMP):
+                (self.played if kind == _FF else self.lit).append((code, value))
             elif (kind, code) == (_UINPUT, _UPLOAD):
                 request = bytearray(_REQUEST.size + 2 * _EFFECT)
                 _REQUEST.pack_into(request, 0, value, 0)

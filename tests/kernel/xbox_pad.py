@@ -39,6 +39,8 @@ class XboxPad:
         self.effects: list[bytes] = []
         self.played: list[tuple[int, int]] = []
         """Strengths of both motors that it was told, but for 0."""
+        self.lit: list[tuple[int, int]] = []
+        """Its driver has no lamps that are switched by events."""
         subprocess.run(["modprobe", "-a", *MODULES], check=True)
         if not GADGETS.is_dir():
             subprocess.run(["mount", "-t", "configfs", "configfs", "/sys/kernel/config"], check=True)

@@ -3,7 +3,7 @@
 //   peer DOMAIN GID_LENGTH
 //
 // Takes lines: `hear TOPIC TYPE reliable|best_effort volatile|latched`, `say TOPIC TYPE reliable|best_effort NUMBER...`
-// (20 times a second, and always the newest), `quiet TOPIC`, `end`. Prints what it finds, hears and refuses, a line each.
+// (20 times a second, and always the newest), `keep` likewise (once, latched), `quiet TOPIC`, `end`. Prints what it finds, hears and refuses, a line each.
 #include <fastcdr/Cdr.h>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
@@ -276,12 +276,14 @@ int main(int, char** arguments) {
                 listener->topic = topic;
                 DataWriterQos quality = DATAWRITER_QOS_DEFAULT;
                 quality.reliability().kind = reliable;
-                quality.durability().kind = VOLATILE_DURABILITY_QOS;
+                quality.durability().kind = order == "keep" ? TRANSIENT_LOCAL_DURABILITY_QOS : VOLATILE_DURABILITY_QOS;
                 quality.history().depth = 10;
                 writers[topic] = publisher->create_datawriter(topic_of(topic, type), quality, listener);
             }
             std::lock_guard<std::mutex> lock(saying);
-            said[topic] = {writers[topic], made(type, numbers)};
+            Bytes message = made(type, numbers);
+            if (order == "keep") writers[topic]->write(&message);
+            else said[topic] = {writers[topic], message};
         }
     }
     ended = true;

@@ -110,10 +110,10 @@ def test_what_the_peers_maps_send_is_decoded() -> None:
         await bench.perform(JobKind.REFERENCE, JobKind.CLEAR_TARGET, value=0.0)
         points = SetPoints(speed_left=0.4, speed_right=0.4, steering_left=0.1, steering_right=0.1)
         await bench.tick(ON, points, count=5)
-        before = {drive.name: drive.position for drive in bench.drives.feedback(asyncio.get_running_loop().time())}
+        before = {drive.name: drive.position for drive in bench.drives.sense(asyncio.get_running_loop().time()).drives}
         await bench.tick(ON, points, count=50)
         now = asyncio.get_running_loop().time()
-        for drive in bench.drives.feedback(now):
+        for drive in bench.drives.sense(now).drives:
             assert drive.state is DriveState.OPERATION_ENABLE
             assert drive.nmt is Nmt.OPERATIONAL
             assert drive.age is not None

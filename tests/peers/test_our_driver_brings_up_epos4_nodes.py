@@ -105,7 +105,7 @@ def test_set_points_and_feedback_of_both_generations_share_a_bus() -> None:
         await bench.perform(JobKind.REFERENCE, JobKind.CLEAR_TARGET, value=0.0)
         points = SetPoints(speed_left=0.4, speed_right=0.4, steering_left=0.1, steering_right=0.1)
         await bench.tick(ON, points, count=10)
-        left, _, steer, _ = bench.drives.feedback(asyncio.get_running_loop().time())
+        left, _, steer, _ = bench.drives.sense(asyncio.get_running_loop().time()).drives
         assert (left.state, steer.state) == (DriveState.OPERATION_ENABLE,) * 2
         assert (left.mode, steer.mode) == (3, 8)
         assert steer.position == pytest.approx(0.1, abs=1e-5)

@@ -6,9 +6,11 @@ import math
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from threading import Event
 
@@ -17,7 +19,6 @@ import pytest
 
 pytest.importorskip("rosbags", reason="needs the extra ros: pip install 'artemis-robot[ros]'")
 sys.path.append(str(Path(__file__).parents[1] / "unit"))
-from ports import free_port
 from programs import bridge_of, until
 
 from artemis.bridges.ros_types import TRIGGER_MD5, Ros1Types, ros1_name
@@ -28,13 +29,25 @@ from artemis.plugins.contracts import PluginContext
 from artemis.plugins.inputs.ros1 import Ros1Input, Ros1InputConfig
 from artemis.plugins.observers.ros1 import Ros1Observer, Ros1ObserverConfig
 from artemis.testing.observers import ObserverContract
-from artemis.values import OperatorInput, Pose
+from artemis.values import OperatorInput, Pose, Request
 from artemis.vehicle import RobotFile
+from artemis_lab.bench.ports import free_port
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 TF_ECHO = Path("/usr/lib/tf/tf_echo")
 RATE, DURATION = 20, 60.0
 """Of the commands [Hz]; longest time that anything may take [s]."""
+TOLD = {
+    "/odom": "nav_msgs/Odometry",
+    "/tf": "tf2_msgs/TFMessage",
+    "/tf_static": "tf2_msgs/TFMessage",
+    "/joint_states": "sensor_msgs/JointState",
+    "/diagnostics": "diagnostic_msgs/DiagnosticArray",
+    "/path": "nav_msgs/Path",
+    "/goal": "geometry_msgs/PoseStamped",
+    "/battery": "sensor_msgs/BatteryState",
+    "/map": "nav_msgs/OccupancyGrid",
+}
 FAR = 1.5
 """So far drives the node of rospy [m]."""
 STEPS = """
@@ -57,6 +70,11 @@ class Ros:
         self.environment = {**os.environ, "ROS_MASTER_URI": f"http://127.0.0.1:{self.port}", "ROS_IP": "127.0.0.1"}
         self.environment |= {"ROS_HOME": str(folder), "PYTHONUNBUFFERED": "1"}
         self.running: list[subprocess.Popen[str]] = []
+
+    def is_there(self) -> bool:
+        """Whether the master answers."""
+        with socket.socket() as asking:
+            return asking.connect_ex(("127.0.0.1", self.port)) == 0
 
     def begin(self, *command: str) -> subprocess.Popen[str]:
         pipe = subprocess.PIPE
@@ -82,6 +100,9 @@ class Ros:
 def ros(tmp_path: Path) -> Iterator[Ros]:
     made = Ros(tmp_path)
     made.begin("rosmaster", "--core", "-p", str(made.port))
+    pause = Event()
+    while not made.is_there():
+        pause.wait(0.1)
     yield made
     made.close()
 
@@ -126,6 +147,9 @@ def test_goals_and_poses_of_the_tools_of_ros_are_passed_on(ros: Ros) -> None:
     taken, pause = list[OperatorInput](), Event()
     try:
         device.read(0.0)
+        assert device._thread is not None
+        while not all(each.registered for each in device._thread.node.subscriptions.values()):
+            pause.wait(0.02)
         for topic, type, content in (
             ("/move_base_simple/goal", "geometry_msgs/PoseStamped", f"{{{header}, pose: {{{pose}}}}}"),
             (
@@ -135,7 +159,7 @@ def test_goals_and_poses_of_the_tools_of_ros_are_passed_on(ros: Ros) -> None:
             ),
         ):
             tool = ros.begin("rostopic", "pub", "-1", topic, type, content)
-            while not any(device._places.values()):
+            while device._mailbox.is_empty:
                 assert tool.poll() in (None, 0)
                 pause.wait(0.02)
             taken.append(device.read(1.0))
@@ -148,14 +172,57 @@ def test_goals_and_poses_of_the_tools_of_ros_are_passed_on(ros: Ros) -> None:
     assert (initial.pose, initial.covariance) == (goal, (0.25, 0.0, 0.0, 0.25, 0.0, 0.25))
 
 
-def running(ros: Ros, folder: Path) -> subprocess.Popen[str]:
-    """A run that waits for commands."""
+def cut(device: Ros1Input) -> None:
+    """Have an input lose every connection that it has."""
+    assert device._thread is not None
+    for fd in list(device._thread._loop._selector.get_map()):  # type: ignore[attr-defined]
+        with suppress(OSError), socket.socket(fileno=os.dup(fd)) as each:
+            if each.family == socket.AF_INET and each.getpeername():  # one that listens has no peer
+                each.shutdown(socket.SHUT_RDWR)
+
+
+def test_what_rostopic_has_kept_arms_nothing_but_a_stop_that_it_has_kept_stops(ros: Ros) -> None:
+    robot = load_model(MISSIONS / "robots/artemis.yaml", RobotFile)
+    for topic in ("/arm", "/stop"):
+        ros.begin("rostopic", "pub", topic, "std_msgs/Empty")
+        while "Publishers: None" in (info := ros.told("rostopic", "info", topic)) or "Publishers" not in info:
+            pass
+    config = Ros1InputConfig.model_validate({"allow": ["arm"], "master": ros.environment["ROS_MASTER_URI"]})
+    device = Ros1Input(config, PluginContext(name="remote", robot=robot, folder=MISSIONS))
+    problems, requests, pause = list[tuple[str, str]](), list[Request](), Event()
+
+    def until(holds: Callable[[], object]) -> None:
+        for _ in range(round(DURATION / 0.02)):
+            requests.extend(device.read(0.0).requests)
+            problems.extend(device.take_problems())
+            if holds():
+                return
+            pause.wait(0.02)
+        raise AssertionError("that never holds")
+
+    try:
+        for number in (1, 2):
+            until(lambda: min(len(problems), len(requests)) >= number)  # noqa: B023 (called here)
+            assert requests == number * [Request.QUICKSTOP]
+            assert all(row == "NET-04" and "for whoever connects: without effect" in words for row, words in problems)
+            cut(device)
+        tool = ros.begin("rostopic", "pub", "-1", "/arm", "std_msgs/Empty")
+        until(lambda: Request.ARM in requests)
+        assert tool.wait(DURATION) == 0
+    finally:
+        device.close()
+
+
+def running(ros: Ros, folder: Path, **keys: str) -> subprocess.Popen[str]:
+    """A run that waits for commands; with other keys of its input."""
     shutil.copytree(MISSIONS / "robots", folder / "robots")
     head, _, rest = (MISSIONS / "ros_teleop.yaml").read_text().partition("steps:")
+    for key, value in keys.items():
+        head = head.replace("    plugin: ros1\n", f"    plugin: ros1\n    {key}: {value}\n", 1)
     mission = folder / "mission.yaml"
     mission.write_text(head + STEPS + rest[rest.index("simulation:") :])
     run = ros.begin(str(Path(sys.executable).with_name("artemis")), "run", str(mission))
-    until(run, "hold the enable button")
+    until(run, "to drive")
     return run
 
 
@@ -173,6 +240,16 @@ def test_a_node_of_rospy_hears_and_drives_while_the_bridge_is_killed(ros: Ros, t
     until(run, "result")
 
 
+def test_is_driven_by_commands_with_a_stamp(ros: Ros, tmp_path: Path) -> None:
+    run = running(ros, tmp_path, type="geometry_msgs/TwistStamped")
+    command = "{header: auto, twist: {linear: {x: 0.3}, angular: {z: 0.2}}}"
+    ros.begin("rostopic", "pub", "-s", "-r", str(RATE), "/cmd_vel", "geometry_msgs/TwistStamped", command)
+    until(run, "driving")
+    run.send_signal(signal.SIGINT)
+    (distance,) = [line for line in until(run, "report ") if line.startswith("distance")]
+    assert float(distance.split()[1]) > 0.0
+
+
 def test_is_driven_and_heard_by_the_tools_of_ros(ros: Ros, tmp_path: Path) -> None:
     run = running(ros, tmp_path)
     assert "/odom [nav_msgs/Odometry] 1 publisher" in ros.told("rostopic", "list", "-v")
@@ -180,6 +257,15 @@ def test_is_driven_and_heard_by_the_tools_of_ros(ros: Ros, tmp_path: Path) -> No
     info = ros.told("rosnode", "info", "/artemis_remote")
     assert "/cmd_vel" in info
     assert "/stop" in info
+    info = ros.told("rosnode", "info", "/artemis")
+    assert all(f"* {topic} [{type}]" in info for topic, type in TOLD.items())
+    info = ros.told("rostopic", "info", "/odom")
+    assert "Type: nav_msgs/Odometry" in info
+    assert "* /artemis (http://127.0.0.1:" in info.partition("Publishers:")[2].partition("Subscribers:")[0]
+    counting = ros.begin("rostopic", "hz", "/odom")
+    rate = float(until(counting, "average rate")[-1].split()[-1])
+    assert rate == pytest.approx(50.0, abs=2.0)
+    counting.terminate()
     bag = tmp_path / "run.bag"
     recorder = ros.begin("rosbag", "record", "--duration=3", "-O", str(bag), "/odom", "/tf", "/joint_states")
     command = "{linear: {x: 0.3}, angular: {z: 0.2}}"
@@ -201,7 +287,7 @@ def test_is_driven_and_heard_by_the_tools_of_ros(ros: Ros, tmp_path: Path) -> No
     until(run, "stopped: arm to continue")
     ros.told("rosservice", "call", "/arm")
     until(run, "armed again")
-    until(run, "hold the enable button")
+    until(run, "to drive")
     ros.told("rosservice", "call", "/done")
     lines = until(run, "result")
     assert lines[-1].split() == ["result", "done"]

@@ -9,6 +9,7 @@ import os
 import queue
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import threading
@@ -23,7 +24,7 @@ from msgspec.structs import replace
 pytest.importorskip("rosbags", reason="needs the extra ros2: pip install 'artemis-robot[ros2]'")
 pytest.importorskip("cyclonedds", reason="needs the extra ros2: pip install 'artemis-robot[ros2]'")
 from lateness import skip_if_late
-from ros2_rig import LONGEST, STEP, own_address
+from ros2_rig import LONGEST, STEP, own_address, until
 
 from artemis.bridges.ros2.settings import unicast_ports
 from artemis.mapping.occupancy import OccupancyMap, ShownMap
@@ -33,7 +34,7 @@ from artemis.plugins.inputs.ros2 import Ros2Input, Ros2InputConfig
 from artemis.plugins.observers.ros2 import Ros2Observer, Ros2ObserverConfig
 from artemis.scan import Scan
 from artemis.testing.observers import ObserverContract
-from artemis.values import Pose, Tick
+from artemis.values import Pose, Request, Tick
 from artemis.vehicle import RobotFile
 
 MISSIONS = Path(__file__).parents[2] / "missions"
@@ -54,6 +55,7 @@ ODOMETRY, SCAN = "nav_msgs/msg/Odometry", "sensor_msgs/msg/LaserScan"
 TF, GRID = "tf2_msgs/msg/TFMessage", "nav_msgs/msg/OccupancyGrid"
 DIAGNOSTICS, INFORMATION = "diagnostic_msgs/msg/DiagnosticArray", "rmw_dds_common/msg/ParticipantEntitiesInfo"
 TWIST, STEERED = "geometry_msgs/msg/Twist", "ackermann_msgs/msg/AckermannDriveStamped"
+STAMPED, EMPTY = "geometry_msgs/msg/TwistStamped", "std_msgs/msg/Empty"
 
 pytestmark = [
     pytest.mark.realtime,
@@ -198,6 +200,7 @@ def test_a_humble_program_is_told_long_gids_and_no_hashes(domain: int, closing: 
     ("type", "topic", "numbers", "speed", "steering"),
     [
         pytest.param(TWIST, "cmd_vel", "0.25 0 0 0 0 0.2", 0.274, 0.4214, marks=pytest.mark.exhaustive),
+        (STAMPED, "cmd_vel", "0.25 0 0 0 0 0.2", 0.274, 0.4214),
         (STEERED, "ackermann_cmd", "0.5 0 0.25 0 0", 0.2849, 0.5),
     ],
 )
@@ -215,6 +218,33 @@ def test_fast_dds_drives(
         program.look()
         now += STEP
     assert [sample.speed, sample.steering] == pytest.approx([speed, steering], abs=1e-3)
+
+
+def test_what_fast_dds_has_kept_arms_nothing(domain: int, closing: ExitStack) -> None:
+    config = Ros2InputConfig.model_validate({"domain": domain, "allow": ["arm"], "distribution": "jazzy"})
+    device = Ros2Input(config, PluginContext(name="remote", robot=ROBOT, folder=Path()))
+    closing.callback(device.close)
+    program, requests, node = peer(domain, closing), list[Request](), device._node
+    program.order(f"keep rt/arm {EMPTY} reliable 0")
+    program.order(f"keep rt/stop {EMPTY} reliable 0")
+
+    def meets_and_stops() -> bool:
+        """Both topics are heard, and what is said now arrives."""
+        requests.extend(device.read(0.0).requests)
+        return Request.QUICKSTOP in requests and node.senders(arm) > 0
+
+    (arm,) = [number for number, each in enumerate(node.parts().readers) if each.topic == "/arm"]
+    for _ in range(2):
+        requests.clear()
+        until(lambda: device.read(0.0) and node.senders(arm) > 0)
+        program.order(f"say rt/stop {EMPTY} reliable 0")
+        until(meets_and_stops)
+        program.order("quiet rt/stop")
+        assert Request.ARM not in requests
+        assert node.pid is not None
+        os.kill(node.pid, signal.SIGKILL)  # and meet everybody anew
+        killed = node.pid
+        until(lambda: node.pid != killed)  # noqa: B023 (called here)
 
 
 def test_fast_dds_gives_a_goal(domain: int, closing: ExitStack) -> None:
@@ -281,7 +311,7 @@ def test_a_mission_is_driven_and_heard_by_fast_dds(domain: int, closing: ExitSta
     closing.callback(run.close)
     program = peer(domain, closing)
     program.order(f"hear rt/odom {ODOMETRY} reliable volatile")
-    run.until("hold the enable button", program.look)
+    run.until("to drive", program.look)
     program.order(f"say rt/cmd_vel {TWIST} reliable 0.3 0 0 0 0 0.2")
     run.until("driving", program.look)
     program.until(r"heard rt/odom odom base_link x \S+ speed 0\.[0-9]*[1-9]", run.look)

@@ -16,9 +16,10 @@ import pytest
 pytest.importorskip("websockets", reason="needs the extra web: pip install 'artemis-robot[web]'")
 pytest.importorskip("roslibpy", reason="needs the package roslibpy")
 sys.path.append(str(Path(__file__).parents[1] / "unit"))
-from ports import free_port
 from programs import bridge_of, until
 from websockets.sync.client import connect
+
+from artemis_lab.bench.ports import free_port
 
 ROOT = Path(__file__).parents[2]
 LONG = 60.0
@@ -60,7 +61,7 @@ def test_roslibpy_drives_on_while_the_bridge_is_killed(tmp_path: Path, running: 
     mission = tmp_path / "mission.yaml"
     mission.write_text(text.replace("inputs: 9091", f"port: {tells}, inputs: {takes}"))
     run = begun(running, str(Path(sys.executable).with_name("artemis")), "run", str(mission))
-    until(run, "hold the enable button")
+    until(run, "to drive")
     client = begun(running, sys.executable, str(Path(__file__).with_name("roslibpy_drives.py")), str(tells), str(takes))
     assert "/odom" in until(client, "topics")[-1].split()
     until(client, "heard")

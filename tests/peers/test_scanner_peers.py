@@ -41,7 +41,6 @@ pose_yaw = 0
 pose_pitch = 0
 pose_roll = 0
 """
-HOW = "built by scripts/scanner_peers"
 
 pytestmark = pytest.mark.realtime
 
@@ -79,7 +78,7 @@ async def read_by(program: str, *arguments: str, enough: int, spin_up: float = 1
     return lines
 
 
-@pytest.mark.skipif(not READER.exists(), reason=f"libLMS1xx: {HOW}")
+@pytest.mark.skipif(not READER.exists(), reason="libLMS1xx: built by scripts/scanner_peers")
 def test_lib_lms1xx_reads_a_hundred_scans() -> None:
     lines = clock.run(read_by(str(READER), "127.0.0.1", "{port}", "100", enough=100), simulated=False)
     assert lines[0] == "configuration 5000 5000 -450000 2250000"
@@ -88,7 +87,7 @@ def test_lib_lms1xx_reads_a_hundred_scans() -> None:
     assert all(scan == [541, *TRUE] for scan in scans)
 
 
-@pytest.mark.skipif(GRABBER is None, reason=f"rawlog-grabber of MRPT: {HOW}")
+@pytest.mark.skipif(GRABBER is None, reason="rawlog-grabber of MRPT: installed by scripts/scanner_peers")
 def test_rawlog_grabber_records_scans(tmp_path: Path) -> None:
     async def main() -> list[str]:
         return await read_by(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import sys
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from artemis.errors import ConfigError
 from artemis.mission.loading import load_model
 from artemis.plugins.contracts import PluginContext
 from artemis.plugins.inputs.ros1 import Ros1Input, Ros1InputConfig
-from artemis.values import Mode, Request
+from artemis.values import Mode
 from artemis.vehicle import RobotFile
 
 pytestmark = pytest.mark.short_alignment
@@ -41,16 +42,18 @@ def test_commands_are_replayed_without_the_packages_of_ros(tmp_path: Path, monke
     mission = write_mission(tmp_path, [CALIBRATE, TELEOP], inputs={"stick": {"plugin": "ros1", **KEYS}})
     robot = load_model(MISSIONS / "robots/artemis.yaml", RobotFile)
     context = PluginContext(name="stick", robot=robot, folder=tmp_path)
-    device, types = Commanded(Ros1InputConfig.model_validate(KEYS), context), Ros1Types()
+    config, types = Ros1InputConfig.model_validate(KEYS), Ros1Types()
+    device = Commanded(config, context, lambda: asyncio.get_running_loop().time())
+    take = {name: take for name, (_, take) in device._receiver.topics().items()}
     rig = Rig(mission, input=device)
 
     def say(speed: float, rate: float) -> None:
-        device._arrived.append(("/peer", types.pack(TWIST, {"linear": {"x": speed}, "angular": {"z": rate}})))
+        take["cmd_vel"](types.pack(TWIST, {"linear": {"x": speed}, "angular": {"z": rate}}), "/peer")
 
     for number in range(round((END - BEGIN) / 0.05)):
         rig.at(BEGIN + 0.05 * number, lambda number=number: say(0.3, 0.01 * number))  # type: ignore[misc]
     rig.at(END, lambda: say(0.0, 0.0))
-    rig.at(END + 2.0, lambda: device._ask(Request.DONE))
+    rig.at(END + 2.0, lambda: (take["done"](b"", "/peer"), None)[1])
     ran = rig.run()
     assert max(seen.tick.set_points.speed for seen in ran.in_mode(Mode.TELEOP)) > 0.25
     assert ran.outcome is not None

@@ -55,6 +55,8 @@ class Setting(NamedTuple):
     """Time, x, y, enable button."""
     distance: float = 3.0
     """Length of the path [m]."""
+    aligned: int = 0
+    """So often the wheels were aligned again before."""
 
 
 _FORWARD = ((0.0, 0.0, 0.0, 0), (2.4, 0.0, 1.0, 1), (4.6, 0.0, 0.0, 0), (5.2, 0.0, 0.0, 0))
@@ -67,8 +69,6 @@ _SWINGING = (
 MEASURE = {"calibrate": {"steering": {"reference_deg": {"left": 0.0, "right": 0.0}}}}
 _ON = ((0.0, 0.0, 0.0, 0), (2.4, 0.0, 1.0, 1), (6.6, 0.0, 0.0, 0), (7.0, 0.0, 0.0, 0))
 _NUDGED = ((0.0, 0.0, 0.0, 0), (2.4, 0.0, 1.0, 1), (3.5, 0.06, 1.0, 1), (5.0, 0.0, 0.0, 0), (5.6, 0.0, 0.0, 0))
-_LATER = tuple((time + 7.5 if time else 0.0, x, y, button) for time, x, y, button in _FORWARD)
-"""A bring-up of EPOS4 takes longer, and so does their alignment."""
 SETTINGS = {
     "bring-up": Setting([{"wait": {"seconds": 0.4}}], 0.0, Mode.INIT, moves=False),
     "standing": Setting([{"wait": {"seconds": 1.2}}], 2.501, Mode.READY, moves=False),
@@ -77,15 +77,28 @@ SETTINGS = {
     "driving": Setting([TELEOP], 3.401, Mode.TELEOP, stick=_FORWARD),
     "driving on": Setting([TELEOP], 3.401, Mode.TELEOP, stick=_ON),
     "nudged": Setting([TELEOP], 3.401, Mode.TELEOP, stick=_NUDGED),
-    "driving on EPOS4": Setting([TELEOP], 10.901, Mode.TELEOP, stick=_LATER),
     "stopping": Setting([TELEOP], 3.401, Mode.QUICKSTOP, stick=_FORWARD),
     "swinging": Setting([TELEOP], 3.401, Mode.TELEOP, stick=_SWINGING),
-    "following": Setting([CALIBRATE, follow(SPEED)], 4.901, Mode.FOLLOW),
-    "held": Setting([CALIBRATE, follow(SPEED)], 4.901, Mode.QUICKSTOP),
-    "following far": Setting([CALIBRATE, follow(SPEED)], 4.901, Mode.FOLLOW, distance=7.0),
-    "following to the end": Setting([CALIBRATE, follow(SPEED)], 4.901, Mode.FOLLOW, distance=0.8),
+    "following": Setting([CALIBRATE, follow(SPEED)], 4.901, Mode.FOLLOW, aligned=1),
+    "held": Setting([CALIBRATE, follow(SPEED)], 4.901, Mode.QUICKSTOP, aligned=1),
+    "following far": Setting([CALIBRATE, follow(SPEED)], 4.901, Mode.FOLLOW, aligned=1, distance=7.0),
+    "following to the end": Setting([CALIBRATE, follow(SPEED)], 4.901, Mode.FOLLOW, aligned=1, distance=0.8),
 }
 """When it happens is just after a tick has read and written: so the next one that can notice it is furthest away."""
+
+
+class Later(NamedTuple):
+    """How much longer the drives of a robot take than those of ARTEMIS [s]."""
+
+    proving: float = 0.0
+    """Until their watchdogs are proven."""
+    ready: float = 0.0
+    """Until they are brought up, the wheels aligned."""
+    aligning: float = 0.0
+    """To align the wheels again."""
+
+
+NO_LATER = Later()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,6 +137,7 @@ class Scene:
     """Its file; None: ARTEMIS'."""
     units: float = 1.0
     """Units of velocity of the drives of its driven wheels per rpm."""
+    later: Later = NO_LATER
 
 
 def scenes(of: Mapping[str, Scene | Sequence[Scene]]) -> list[tuple[str, Scene]]:
@@ -175,11 +189,13 @@ def play(
         **({"node": scene.node} if scene.node else {}),
     }
     inputs = {"stick": {"plugin": "scripted", "file": "stick.csv", "max_speed_m_s": SPEED}}
-    faults = sorted([fault, *scene.along], key=lambda entry: entry["at_s"]) if happens else []
+    along = [{**entry, "at_s": entry["at_s"] + shift_of(scene)} for entry in scene.along]
+    faults = sorted([fault, *along], key=lambda entry: entry["at_s"]) if happens else []
     simulation: dict[str, Any] = {"faults": faults}
     if scene.operator:
-        simulation["operator"] = [{"at_s": time, "do": what} for time, what in scene.operator]
-    files = {"stick.csv": table(*setting.stick), "line.csv": straight(setting.distance)}
+        simulation["operator"] = [{"at_s": time + shift_of(scene), "do": what} for time, what in scene.operator]
+    rows = [(time + shift_of(scene) if time else 0.0, x, y, button) for time, x, y, button in setting.stick]
+    files = {"stick.csv": table(*rows), "line.csv": straight(setting.distance)}
     keys: dict[str, Any] = {"inputs": inputs, "simulation": simulation}
     if scene.robot is not None:
         keys |= {"robot": scene.robot}
@@ -189,7 +205,7 @@ def play(
     if scene.localizer:
         simulation["localizer"] = {"plugin": "simulated_tracker", "rate_hz": 10, "delay_s": 0.05}
     mission = write_mission(folder, setting.steps, files, **keys)
-    rig = Rig(mission, longest=scene.longest)
+    rig = Rig(mission, longest=scene.longest + shift_of(scene))
     prepare(rig)
     with short_alignment():
         return rig.run()
@@ -197,7 +213,15 @@ def play(
 
 def time_of(scene: Scene) -> float:
     """When it happens [s]."""
-    return SETTINGS[scene.of].at if scene.at is None else scene.at
+    return (SETTINGS[scene.of].at if scene.at is None else scene.at) + shift_of(scene)
+
+
+def shift_of(scene: Scene) -> float:
+    """How much later than on ARTEMIS it happens [s]."""
+    later = scene.later
+    if scene.of == "bring-up":
+        return 0.0 if scene.at is None else later.proving
+    return later.ready + SETTINGS[scene.of].aligned * later.aligning
 
 
 # ---------------------------------------------------------------------------------------------- what must follow

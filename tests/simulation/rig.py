@@ -11,7 +11,6 @@ import dataclasses
 import itertools
 import json
 import math
-import shutil
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
@@ -21,6 +20,7 @@ from pathlib import Path as FilePath
 from typing import Any, ClassVar
 from unittest.mock import patch
 
+import yaml
 from msgspec.structs import replace
 from watched import DRIVES as DRIVES
 from watched import EMERGENCY as EMERGENCY
@@ -45,9 +45,10 @@ from artemis.devices.can_bus import Frame, Traffic
 from artemis.devices.device import Device
 from artemis.errors import ConfigError
 from artemis.mission import reading
+from artemis.mission.actions import PluginUse
 from artemis.mission.loading import load_mission
 from artemis.plugins import registry
-from artemis.plugins.contracts import Follower, InputDevice, TellsProblems
+from artemis.plugins.contracts import Follower, InputDevice, PluginContext, TellsProblems
 from artemis.recording.replay import Replayed, replay
 from artemis.robot import Core, Robot
 from artemis.sim.bus import Disturb
@@ -56,6 +57,7 @@ from artemis.sim.epos_settings import SimSettings
 from artemis.sim.world import PlantParameters
 from artemis.states.plan import Plan, Results, with_followers
 from artemis.values import Fault, Mode, Pose, Request, Tick
+from artemis.vehicle import RobotFile
 from artemis.yaml_file import Document
 
 MISSIONS = FilePath(__file__).parents[2] / "missions"
@@ -89,6 +91,24 @@ def stick(*rows: tuple[float, float, float, int]) -> str:
     return "time_s,x,y,enable\n" + "".join(f"{time},{x},{y},{enable}\n" for time, x, y, enable in rows)
 
 
+EPOS2 = "artemis_epos2.yaml"
+"""A robot file that is made of that of ARTEMIS."""
+
+
+def robot_text(robot: str) -> str:
+    """A robot file of `missions`."""
+    if robot != EPOS2:
+        return (MISSIONS / "robots" / robot).read_text()
+    text = robot_text("artemis.yaml").replace("0x6210", "0x6220").replace("0x6010", "0x6220")
+    return text.replace("    node_id:", "    family: epos2\n    node_id:")
+
+
+@cache
+def robot_named(robot: str) -> RobotFile:
+    """What a robot file of `missions` says."""
+    return RobotFile.model_validate(yaml.safe_load(robot_text(robot)))
+
+
 def write_mission(
     folder: FilePath,
     steps: Steps,
@@ -98,7 +118,7 @@ def write_mission(
 ) -> FilePath:
     """A mission with its robot and tables in `folder`; its path. A follow step's `line.csv` is 1.2 m straight."""
     folder.mkdir(parents=True, exist_ok=True)
-    shutil.copy(MISSIONS / "robots" / robot, folder / "artemis.yaml")
+    (folder / "artemis.yaml").write_text(robot_text(robot))
     for name, text in {"line.csv": straight(1.2), **(files or {})}.items():
         (folder / name).write_text(text)
     mission = {"mission": "rig", "robot": "artemis.yaml", "bus": "simulation", "steps": list(steps), **keys}
@@ -261,6 +281,8 @@ class Rig:
         self._start, self._longest, self._simulate, self._sensors = start, longest, simulate, sensors
         self._acts: list[tuple[float, str, Callable[[], None]]] = []
         self._conditions: list[tuple[Callable[[Seen], bool], float, str, Callable[[], None]]] = []
+        self.plugins: Callable[[str, PluginUse, PluginContext], object] = planning.plugin_made
+        """Makes inputs and localizers."""
         self._seen: list[Seen] = []
         self._done: dict[str, float] = {}
         self._taken = 0
@@ -309,6 +331,7 @@ class Rig:
             inputs=inputs,
             robot=self._make_robot,
             loop=self._loop(),
+            plugins=self.plugins,
         )
         with patch.multiple(registry, **_PLUGINS):
             outcome = app.run_mission(

@@ -9,14 +9,16 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import pytest
+import resuming
 from msgspec.structs import replace
 from rig import Rig, Run, Seen
 from test_goto_missions import mission as fixed_mission
 
+from artemis.app import Parts
 from artemis.config import Config
 from artemis.errors import ConfigError
 from artemis.mission.loading import load_mission
-from artemis.values import Mode, OperatorInput, Pose, Request
+from artemis.values import Mode, OperatorInput, Pose, Request, Tick
 
 pytest.importorskip("websockets", reason="needs the extra web: pip install 'artemis-robot[web]'")
 pytestmark = pytest.mark.short_alignment
@@ -143,6 +145,29 @@ def test_a_goal_that_was_interrupted_by_a_stop_is_driven_to_after_an_arm(tmp_pat
     assert run.status == 0
     assert off(run, GATE) < 0.03
     assert len(events(run)) == 1
+
+
+def test_a_run_that_resumes_another_drives_to_the_goal_that_was_given_there(tmp_path: Path) -> None:
+    operator, path = Operator(), mission(tmp_path)
+    words = json.loads(path.read_text())
+    words["simulation"]["pace"] = "fast"
+    path.write_text(json.dumps(words))
+
+    def on_the_way(tick: Tick) -> bool:
+        if tick.wish.phase.endswith("waiting for a goal of stick"):
+            operator.give(GATE)
+        return bool(tick.wish.tracking and tick.wish.tracking.arc_length > 0.6)
+
+    first = resuming.run(path, until=on_the_way, parts=Parts(inputs={"stick": operator}))
+    assert first.ticks[-1].position.state == "[0,2.5,0.8,0.0]"
+    second = resuming.run(path, first.folder, parts=Parts(inputs={"stick": Operator()}))
+    assert second.outcome.exit_status == 0
+    assert not any("waiting for a goal" in tick.wish.phase for tick in second.ticks)
+    assert [event.text for tick in (*first.ticks, *second.ticks) for event in tick.events if event.kind == "goal"] == [
+        "x 2.50 m, y 0.80 m, 0 degrees (by stick)"
+    ]
+    end = second.ticks[-1].snapshot.pose.pose
+    assert math.hypot(end.x - GATE.x, end.y - GATE.y) < 0.03
 
 
 @pytest.mark.parametrize(

@@ -74,10 +74,12 @@ def seen_by(robot: RobotFile, old: RobotFile) -> dict[str, float]:
 
 
 @pytest.mark.exhaustive
-def test_a_calibrated_robot_knows_where_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("drives", ["artemis", "artemis_epos4"])
+def test_a_calibrated_robot_knows_where_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str], drives: str) -> None:
     for folder in ("robots", "inputs", "paths"):
         shutil.copytree(MISSIONS / folder, tmp_path / folder)
     file = tmp_path / "robots" / "artemis.yaml"
+    shutil.copy(MISSIONS / "robots" / f"{drives}.yaml", file)
     old = load_model(file, RobotFile)
     before, _ = error_at_end(driven(tmp_path, "before", EIGHT, HIDDEN, 3))
     run = driven(tmp_path, "weaving", WEAVING, HIDDEN, 1)

@@ -36,7 +36,9 @@ def true_poses(seen: Run, *modes: Mode) -> Array:
 def test_pattern_takes_two_minutes_and_stays_where_it_says() -> None:
     seen = ran("calibration_pattern")
     assert (seen.status, seen.fault_ids) == (0, [])
-    assert 100.0 < seen.seen[-1].time < 130.0
+    driving = [each.time for each in seen.in_mode(Mode.TELEOP) if each.tick.set_points.speed]
+    assert 100.0 < driving[-1] - driving[0] < 120.0
+    assert driving[0] > 30.0, "the alignment of slow drives has time"
     x, y, heading = true_poses(seen, Mode.TELEOP).T
     corners = [
         (x + a * np.cos(heading) - b * np.sin(heading), y + a * np.sin(heading) + b * np.cos(heading)) for a, b in BODY

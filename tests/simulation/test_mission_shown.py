@@ -10,12 +10,16 @@ import pytest
 from resuming import Done, run
 from rig import CALIBRATE, follow, write_mission
 
+from artemis.commands.live import LiveView
 from artemis.commands.run import run_and_report
+from artemis.page.view import PageView
 from artemis.recording.mcap_reader import Recording
+from artemis.report.mission_times import MissionTimes
 from artemis.report.page import write_report
 from artemis.report.series import Series, read_series
 from artemis.report.summary import summary
 from artemis.states.modes import RUNNING
+from artemis.values import Mode
 
 pytestmark = pytest.mark.short_alignment
 
@@ -58,6 +62,51 @@ def test_each_step_is_told_with_how_often_and_how_long_it_ran_and_its_outcome(do
     assert times[5] == times[7] == 0.0
     assert times[1] > 4 * 0.3
     assert shown.mission.failure == shown.mission.remedy == ""
+
+
+def test_on_the_way_it_is_told_how_often_and_how_long_the_present_step_ran_and_how_the_one_before_ended(
+    done: Done,
+) -> None:
+    times, seen = MissionTimes(Recording(done.folder).mission), dict[str, str]()
+    for tick in done.ticks:
+        times.see(tick)
+        seen[re.sub(r"[0-9]+ s$", "", times.here)] = times.before
+    assert seen == {
+        "": "wait 0.3 s: done",
+        "calibrate steering, 1x ": "",
+        "wait for run_s > 1000, round 1/2, 1x ": "calibrate steering: done",
+        "wait 0.3 s, round 1/2, attempt 2/2, 1x ": "wait for run_s > 1000: timeout",
+        "wait for run_s > 1000, round 1/2, attempt 2/2, 2x ": "wait 0.3 s: done",
+        "wait for run_s > 1000, round 2/2, 3x ": "wait for run_s > 1000: timeout",
+        "wait 0.3 s, round 2/2, attempt 2/2, 2x ": "wait for run_s > 1000: timeout",
+        "wait for run_s > 1000, round 2/2, attempt 2/2, 4x ": "wait 0.3 s: done",
+        "follow line.csv, 1x ": "wait 0.3 s: done",
+        "wait 0.3 s, 1x ": "follow line.csv: done",
+    }
+
+
+def test_a_view_shows_rounds_attempts_and_the_last_outcome(
+    done: Done, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    monkeypatch.setattr("artemis.commands.live.REFRESH", -1.0)
+    monkeypatch.setenv("COLUMNS", "160")
+    mission = Recording(done.folder).mission
+    view = LiveView("title", "", lambda: None, 1_000_000, {}, MissionTimes(mission))
+    page = PageView(Recording(done.folder).robot, mission, {})
+    for tick in done.ticks:
+        view.see(tick, [], tick.snapshot.time)
+        page.show(tick)
+        if tick.mode is Mode.FOLLOW:
+            state, progress = page.state(tick), page.parts["progress"][1]
+            assert state["ran"][0] == 1
+    told = capsys.readouterr().out
+    assert "wait for run_s > 1000, round 2/2, attempt 2/2, 4x 1 s  +0.00 m/s" in told
+    assert "waiting  after wait 0.3 s: done" in told
+    assert progress["before"] == "follow line.csv: done"
+    assert progress["marks"]["steps[1].repeat.steps[0].try.steps[0].wait"] == "4x · 1.3 s · timeout"
+    assert progress["marks"]["steps[1].repeat.steps[0].try"] == "retried 2x · caught 2x"
+    assert progress["counts"] == []
 
 
 def test_the_report_has_the_picture_with_what_ran(done: Done, shown: Series, tmp_path: Path) -> None:

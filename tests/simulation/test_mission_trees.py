@@ -86,11 +86,11 @@ FAULT = {"inject": "DRV-25", "node": "steer-left", "at_s": 10.0}
 """While the path is followed."""
 
 
-@pytest.mark.parametrize("catches", [True, False])
+@pytest.mark.parametrize(("name", "catches"), [("fault:DRV-25", True), ("lost", False), ("any", False)])
 def test_a_fault_is_an_outcome_only_where_a_try_names_it_and_only_after_the_recovery(
-    tmp_path: Path, catches: bool
+    tmp_path: Path, name: str, catches: bool
 ) -> None:
-    catch = {"fault:DRV-25": [{"say": "caught"}]} if catches else {"lost": [WAIT]}
+    catch = {name: [{"say": "caught"}]}
     steps: list[Any] = [CALIBRATE, {"try": {"steps": [follow(0.1)], "catch": catch}}]
     done = run(write_mission(tmp_path, steps, simulation={"faults": [FAULT], "operator": BY_HAND}))
     assert done.outcome.exit_status == 0
@@ -102,6 +102,70 @@ def test_a_fault_is_an_outcome_only_where_a_try_names_it_and_only_after_the_reco
     assert after[0].snapshot.time > 16.0
     assert (Mode.FOLLOW in {tick.mode for tick in after}) is not catches
     assert ("said caught steps[1].try.catch.fault:DRV-25[0].say" in told(after)) is catches
+
+
+@pytest.mark.parametrize("name", ["fault:DRV-25", "fault:DRV-02"])
+def test_a_try_may_name_any_of_the_faults_of_a_stop(tmp_path: Path, name: str) -> None:
+    both = [FAULT, {**FAULT, "inject": "DRV-02", "node": "steer-right"}]
+    steps: list[Any] = [CALIBRATE, {"try": {"steps": [follow(0.1)], "catch": {name: [{"say": "caught"}]}}}]
+    done = run(write_mission(tmp_path, steps, simulation={"faults": both, "operator": BY_HAND}))
+    assert done.outcome.exit_status == 0
+    assert f"caught {name} steps[1].try" in told(done.ticks)
+    assert Mode.FOLLOW not in {tick.mode for tick in done.ticks if tick.snapshot.time > 16.0}
+
+
+WATCHED = {"during": {"steps": [follow(0.1)], "when": [{"if": "driven_m > 0.1", "steps": [{"wait": {"seconds": 6}}]}]}}
+
+
+@pytest.mark.parametrize("catches", [True, False])
+def test_a_fault_in_the_branch_of_a_watcher_is_an_outcome_only_where_a_try_around_names_it(
+    tmp_path: Path, catches: bool
+) -> None:
+    steps = [{"try": {"steps": [WATCHED], "catch": {"fault": [{"say": "caught"}]}}}] if catches else [WATCHED]
+    done = run(write_mission(tmp_path, [CALIBRATE, *steps], simulation={"faults": [FAULT], "operator": BY_HAND}))
+    assert done.outcome.exit_status == 0
+    events = [event.kind for tick in done.ticks for event in tick.events]
+    frozen = [tick for tick in done.ticks if 10.1 < tick.snapshot.time < 16.0]
+    assert {(tick.position.step, tick.position.done) for tick in frozen} == {(2, frozen[0].position.done)}
+    assert 0.5 < frozen[0].position.done < 5.0, "in the middle of the branch"
+    assert ("caught" in events) is catches
+    after = [tick for tick in done.ticks if tick.snapshot.time > 16.0]
+    assert (Mode.FOLLOW in {tick.mode for tick in after}) is not catches
+    waited = [tick.position.done for tick in after if tick.position.step == 2]
+    assert min(waited) == pytest.approx(frozen[0].position.done, abs=0.03)
+    assert catches or max(waited) == pytest.approx(6.0, abs=0.03)
+
+
+def test_a_final_fault_ends_the_run_whatever_a_try_names(tmp_path: Path) -> None:
+    final = {"inject": "DRV-05", "node": "steer-left", "at_s": 10.0}
+    names = {"fault:DRV-05": [{"say": "caught"}], "any": [{"say": "caught"}]}
+    attempt = {"try": {"retries": 2, "again_on": ["fault"], "steps": [follow(0.1)], "catch": names}}
+    mission = write_mission(tmp_path, [CALIBRATE, attempt], simulation={"faults": [final], "operator": BY_HAND})
+    done = run(mission, until=lambda tick: tick.snapshot.time > 20.0)
+    assert done.ticks[-50].wish.phase.startswith("this run cannot continue; end it: ")
+    assert done.outcome.exit_status == 1
+    assert told(done.ticks) == ["ended done steps[0].calibrate"]
+    assert done.ticks[-1].position.faults == ("DRV-05",)
+    assert phases(done.ticks)[-2:] == ["fault", "end"]
+
+
+@pytest.mark.parametrize("ends", [Mode.FAULT, Mode.INIT])
+def test_a_fault_that_the_mission_was_not_told_of_yet_is_its_outcome_in_the_run_that_resumes_it(
+    tmp_path: Path, ends: Mode
+) -> None:
+    steps: list[Any] = [CALIBRATE, {"try": {"steps": [follow(0.1)], "catch": {"fault:DRV-25": [{"say": "caught"}]}}}]
+    mission = write_mission(tmp_path, steps, simulation={"faults": [FAULT], "operator": BY_HAND})
+    first = run(mission, until=lambda tick: tick.snapshot.time > 10.1 and tick.mode is ends)
+    assert first.ticks[-1].position.faults == ("DRV-25",)
+    assert first.recorded[-1].position == first.ticks[-1].position
+    second = run(mission, first.folder)
+    assert second.outcome.exit_status == 0
+    assert told(second.ticks) == [
+        "ended fault:DRV-25 steps[1].try.steps[0].follow",
+        "caught fault:DRV-25 steps[1].try",
+        "said caught steps[1].try.catch.fault:DRV-25[0].say",
+    ]
+    assert Mode.FOLLOW not in {tick.mode for tick in second.ticks}
 
 
 def test_a_stop_is_never_an_outcome(tmp_path: Path) -> None:

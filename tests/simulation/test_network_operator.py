@@ -13,7 +13,10 @@ from msgspec.structs import replace
 from rig import CALIBRATE, TELEOP, TICK, Rig, Run, standing, write_mission
 
 from artemis.bridges.operator.session import FRESH
+from artemis.planning import plugin_made
 from artemis.recording.mcap_reader import Recording
+from artemis.robot import LIMITED_SPEED
+from artemis.supervision import catalogue
 from artemis.values import Mode, OperatorInput, Request, Severity
 
 pytestmark = pytest.mark.short_alignment
@@ -101,6 +104,32 @@ def test_a_cut_link_stops_the_robot(tmp_path: Path, phase: float) -> None:
     assert run.recompute().difference is None
 
 
+@pytest.mark.parametrize(
+    ("row", "damage"),
+    [("NET-03", "stall"), ("NET-05", {"loss": 0.3}), ("NET-15", {"delay_s": 0.18})],
+)
+def test_a_poor_link_drives_slowly(tmp_path: Path, row: str, damage: Any) -> None:  # noqa: ANN401
+    driven = Driven(tmp_path)
+    line = driven.alice.to_robot
+    if damage == "stall":
+        for number in range(30):  # waves: what waits for 0.12 s comes at once
+            driven.do(AT + 0.14 * number, lambda: setattr(line, "stall", True))
+            driven.do(AT + 0.14 * number + 0.12, lambda: setattr(line, "stall", False))
+    else:
+        for name, value in damage.items():
+            driven.do(AT, lambda name=name, value=value: setattr(line, name, value))  # type: ignore[misc]
+    run = driven.at(AT + 6.0, driven.alice, done()).rig.run()
+    assert (run.status, run.fault_ids) == (0, [row])
+    noticed = run.first(lambda seen: any(fault.id == row for fault in seen.tick.snapshot.verdict.faults))
+    assert noticed.tick.snapshot.verdict.severity is Severity.LIMIT
+    within = catalogue.ROWS[row].within
+    assert noticed.time - AT <= within
+    assert Mode.QUICKSTOP not in run.modes
+    limited = [abs(seen.tick.set_points.speed) for seen in run.seen if noticed.time + 0.3 < seen.time < AT + 3.0]
+    assert max(limited) == pytest.approx(LIMITED_SPEED)
+    assert max(seen.tick.set_points.speed for seen in run.seen if seen.time < AT) == pytest.approx(0.4)
+
+
 def test_latency_stops_the_robot(tmp_path: Path) -> None:
     driven = Driven(tmp_path)
 
@@ -179,17 +208,14 @@ def test_a_lower_input_over_the_network_that_is_lost_is_a_warning(tmp_path: Path
     rig = Rig(mission, longest=30.0)
     linked = LinkedInput(net)
     rig.when(lambda seen: seen.mode is Mode.TELEOP, lambda: cut(alice), after=1.0)
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("artemis.app.plugin_made", _made_with(linked))
-        run = rig.run()
+    rig.plugins = _made_with(linked)
+    run = rig.run()
     assert run.status == 0
     assert [(fault.id, fault.severity) for fault in run.faults if fault.id == "NET-01"] == [("NET-01", Severity.WARN)]
     assert Mode.QUICKSTOP not in run.modes
 
 
 def _made_with(linked: LinkedInput) -> Callable[..., Any]:
-    from artemis.planning import plugin_made
-
     return lambda group, use, context: linked if use.plugin == "network" else plugin_made(group, use, context)
 
 

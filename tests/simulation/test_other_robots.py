@@ -53,10 +53,10 @@ def cross_track(seen: Run) -> float:
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("name", ["epos4", "cia402", *NAMES])
+@pytest.mark.parametrize("name", ["", "_absolute", "_epos4", "_cia402", *(f"_{name}" for name in NAMES)])
 def test_the_figure_eight_is_driven_within_three_millimetres(name: str, tmp_path: Path) -> None:
     shutil.copytree(MISSIONS, tmp_path / "m", ignore=shutil.ignore_patterns("runs"))
-    seen = run(tmp_path / "m" / f"figure_eight_{name}.yaml", longest=300.0)
+    seen = run(tmp_path / "m" / f"figure_eight{name}.yaml", longest=300.0)
     assert seen.status == 0
     assert cross_track(seen) < 0.003
 

@@ -14,7 +14,7 @@ import pytest
 from msgspec.structs import replace
 from rig import CALIBRATE, STICK, TELEOP, TICK, Rig, Run, follow, standing, stick, straight, write_mission
 
-from artemis import app
+from artemis.app import Parts, run_mission
 from artemis.config import Config
 from artemis.devices.drive import Drives
 from artemis.drive_states import DriveState
@@ -304,8 +304,7 @@ def test_bus_and_inputs_are_closed_where_another_input_cannot_be_made(
 
     inputs = {"first": STICK["stick"], "second": STICK["stick"]}
     mission = write_mission(tmp_path, [CALIBRATE], {"stick.csv": stick((0, 0, 0, 0))}, inputs=inputs)
-    monkeypatch.setattr(app, "plugin_made", make)
     monkeypatch.setattr(Drives, "close", lambda drives: closed.append("bus"))
     with pytest.raises(KeyError, match="second"):
-        app.run_mission(load_mission(mission), mission)
+        run_mission(load_mission(mission), mission, parts=Parts(plugins=make))
     assert closed == ["first", "bus"]

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 import yaml
-from rig import CALIBRATE, MISSIONS, Rig, WatchedWorld, follow, write_mission
+from rig import CALIBRATE, EPOS2, MISSIONS, Rig, WatchedWorld, follow, write_mission
 
 from artemis.drive_states import DriveState, Nmt
+from artemis.errors import ConfigError
 from artemis.mission.loading import load_mission
 from artemis.values import Mode, Request
 
@@ -123,16 +124,8 @@ def test_drives_of_another_family_are_refused_before_they_are_configured(
     assert rig.drive("traction-left").read(0x1017) == 0, "nothing was written"
 
 
-def on_epos2(mission: Path) -> Path:
-    """The mission with drives of the second generation."""
-    robot = mission.with_name("artemis.yaml")
-    text = robot.read_text().replace("0x6210", "0x6220").replace("0x6010", "0x6220")
-    robot.write_text(text.replace("    node_id:", "    family: epos2\n    node_id:"))
-    return mission
-
-
 def test_the_second_generation_drives_the_robot(tmp_path: Path) -> None:
-    rig = Rig(on_epos2(write_mission(tmp_path, [CALIBRATE, follow(0.4)])))
+    rig = Rig(write_mission(tmp_path, [CALIBRATE, follow(0.4)], robot=EPOS2))
     seen = rig.run()
     assert (seen.status, seen.fault_ids, seen.is_done) == (0, [], True)
     assert rig.world is not None
@@ -143,7 +136,8 @@ def test_the_second_generation_drives_the_robot(tmp_path: Path) -> None:
 
 def test_a_fault_of_the_second_generation_stops_the_robot(tmp_path: Path) -> None:
     fault = {"at_s": 5.0, "inject": "DRV-11", "node": "traction-left"}
-    rig = Rig(on_epos2(write_mission(tmp_path, [CALIBRATE, follow(0.4)], simulation={"faults": [fault]})))
+    steps = [CALIBRATE, follow(0.4)]
+    rig = Rig(write_mission(tmp_path, steps, robot=EPOS2, simulation={"faults": [fault]}))
     seen = rig.run()
     assert seen.status == 1
     assert seen.fault_ids[0] == "DRV-11"
@@ -234,3 +228,52 @@ def test_what_a_described_drive_does_not_do_is_refused_with_its_reason(
     seen = Rig(mission, world=world).run()
     assert seen.status == 1
     assert told in seen.faults[0].text
+
+
+ABSENT: dict[str, object] = {"absent": [0x6065, 0x607D, 0x607F, 0x6083, 0x6084, 0x6085]}
+
+
+def test_drives_without_objects_that_are_usually_written_are_driven(tmp_path: Path) -> None:
+    """They are not asked for either: the drives would refuse to tell."""
+    mission = described(write_mission(tmp_path, [CALIBRATE, follow(0.4)], robot=CIA402), ABSENT, ABSENT)
+    rig = Rig(mission)
+    seen = rig.run()
+    assert (seen.status, seen.fault_ids, seen.is_done) == (0, [], True)
+    assert ended_in_order(rig)
+
+
+def test_a_drive_that_lacks_more_than_the_robot_file_says_is_refused(tmp_path: Path) -> None:
+    steps = [{"wait": {"seconds": 1.0}}]
+    present = load_mission(described(write_mission(tmp_path / "p", steps, robot=CIA402), ABSENT, ABSENT)).robot
+    seen = Rig(write_mission(tmp_path / "d", steps, robot=CIA402), world=WatchedWorld(present)).run()
+    assert seen.faults[0].id == "COM-07"
+    assert "0x6065:0" in seen.faults[0].text
+
+
+def test_an_error_code_of_the_maker_s_own_means_the_row_that_the_robot_file_says(tmp_path: Path) -> None:
+    words: dict[str, object] = {"errors": [{"code": 0x7305, "row": "DRV-11"}]}
+    rig = Rig(described(write_mission(tmp_path, [CALIBRATE, follow(0.4)], robot=CIA402), words, {}))
+    rig.while_following(rig.emergency("traction-left", 0x7305))
+    seen = rig.run()
+    assert seen.status == 1
+    assert seen.faults[0].id == "DRV-11"
+    assert "EMCY 0x7305" in seen.faults[0].text
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ({"absent": [0x6040]}, r"absent\[0\]: expected one of 0x6065, .*, found 0x6040"),
+        ({"errors": [{"code": 0x8611, "row": "DRV-11"}]}, "0x8611 means DRV-25 already"),
+        ({"errors": [{"code": 0x7305, "row": "DRV-11"}] * 2}, "0x7305 is given twice"),
+        ({"errors": [{"code": 0x7305, "row": "DRV-99"}]}, "DRV-99 is no error that a drive reports: see"),
+        ({"errors": [{"code": 0x7305, "row": "COM-11"}]}, "COM-11 is no error that a drive reports"),
+        ({"errors": [{"code": 0, "row": "DRV-11"}]}, "errors.*code"),
+    ],
+)
+def test_what_a_described_drive_cannot_lack_or_tell_is_refused(
+    tmp_path: Path, words: dict[str, object], told: str
+) -> None:
+    mission = described(write_mission(tmp_path, [CALIBRATE], robot=CIA402), words, {})
+    with pytest.raises(ConfigError, match=told):
+        load_mission(mission)

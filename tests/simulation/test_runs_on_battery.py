@@ -46,6 +46,29 @@ def test_all_that_a_list_of_steps_follows_counts_before_it_is_begun(tmp_path: Pa
     assert [seen.phase for seen in done.seen if "403 m to drive" in seen.phase]
 
 
+def test_a_battery_that_runs_short_on_the_way_ends_the_step_and_what_is_next_still_runs(tmp_path: Path) -> None:
+    """The robot takes five times as much as its file says: what seemed to reach does not, long before it is empty."""
+    supply = {"battery_v": 23.5, "idle_w": 100.0}
+    simulation = {"pace": "fast", "true_robot": {"supply": supply}}
+    caught = {"try": {"steps": [follow(0.5)], "catch": {"battery-short": [{"wait": {"seconds": 1.0}}]}}}
+    files = {"line.csv": straight(40.0)}
+    mission = write_mission(tmp_path, [CALIBRATE, caught], files, "artemis_battery.yaml", simulation=simulation)
+    robot = mission.with_name("artemis.yaml")
+    text = robot.read_text().replace("capacity_ah: 17 ", "capacity_ah: 0.4 ")
+    robot.write_text(text.replace("joules_per_metre: 85 ", "joules_per_metre: 40 "))
+    done = run(mission)
+    assert done.status == 0
+    assert "PWR-02" not in done.fault_ids
+    short = [seen for seen in done.seen if "m to drive, the battery reaches" in seen.phase]
+    assert 3.0 < short[0].pose.x < 30.0
+    battery = short[0].tick.snapshot.battery
+    assert battery is not None
+    assert battery.range_m + battery.range_std_m < 40.0 - short[0].pose.x
+    assert short[-1].standing
+    assert done.seen[-1].tick.snapshot.battery is not None
+    assert done.seen[-1].tick.snapshot.battery.charge > 0.08, "it stopped while there was something left"
+
+
 @pytest.mark.slow
 def test_a_robot_whose_voltage_sags_accelerates_half_as_much(tmp_path: Path) -> None:
     def rises(folder: Path, **keys: Any) -> float:  # noqa: ANN401

@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 from msgspec.structs import replace
 
+from artemis.battery import BatteryState
 from artemis.config import Config
 from artemis.devices.can_bus import Frame
 from artemis.drive_states import DriveState, Goal, Nmt
@@ -89,6 +90,7 @@ def snapshot(
     set_points: SetPoints | None = None,
     odometry: Odometry | None = None,
     pose: LocatedPose | None = None,
+    battery: BatteryState | None = None,
     **changes: Any,
 ) -> Snapshot:
     """A snapshot of a healthy robot, located by its odometry; `changes` are those of what was sensed."""
@@ -101,6 +103,7 @@ def snapshot(
         standing=standing,
         set_points=set_points or SetPoints(),
         verdict=verdict or Verdict(),
+        battery=battery,
     )
 
 

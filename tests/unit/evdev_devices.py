@@ -38,6 +38,7 @@ class EventDevice:
     axes: Mapping[int, tuple[int, int]] = field(default_factory=lambda: xpad_axes(255))
     keys: Collection[int] = XPAD_KEYS
     forces: Collection[int] = ()
+    lamps: Collection[int] = ()
     vendor: int = 0x045E
     product: int = 0x028E
     name: str = "Microsoft X-Box 360 pad"
@@ -141,6 +142,7 @@ class FakeEvdev:
             "capabilities/key": bitmap(device.keys),
             "capabilities/abs": bitmap(device.axes),
             "capabilities/ff": bitmap(device.forces),
+            "capabilities/led": bitmap(device.lamps),
         }
         for name, text in words.items():
             (about / name).write_text(text + "\n")

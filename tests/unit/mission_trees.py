@@ -8,24 +8,40 @@ from typing import Any
 from msgspec.structs import replace
 
 from artemis.mission.schema import Mission
-from artemis.mission.tree import MissionTree, mission_tree
-from artemis.progress import MissionEvent, Position
+from artemis.mission.tree import MissionTree, checks_of, mission_tree
+from artemis.mission.word_checks import WordChecks
+from artemis.progress import Acted, MissionEvent, Position
 from artemis.states.advance import MissionFacts, advance
+from artemis.states.outcomes import StepFacts
 from artemis.yaml_file import dotted
 
 DT = 0.02
 
 
-def built(*steps: Mapping[str, Any], measured: bool = True, **keys: object) -> MissionTree:
-    """The tree of a mission of these steps, with an input `stick`; `measured`: the supply voltage is."""
+def mission_of(*steps: Mapping[str, Any]) -> Mission:
+    """A mission of these steps, with an input `stick`."""
     inputs = {"stick": {"plugin": "keyboard"}}
-    mission = {"mission": "m", "robot": "r.yaml", "bus": "simulation", "inputs": inputs, "steps": list(steps), **keys}
-    return mission_tree(Mission.model_validate(mission), measured=measured)
+    words = {"mission": "m", "robot": "r.yaml", "bus": "simulation", "inputs": inputs, "steps": list(steps)}
+    return Mission.model_validate(words)
 
 
-def problems(*steps: Mapping[str, Any], measured: bool = True, **keys: object) -> list[str]:
+def built(*steps: Mapping[str, Any]) -> MissionTree:
+    """Its tree."""
+    mission, checks = mission_of(*steps), checked(*steps)
+    assert not checks.problems
+    return mission_tree(mission, checks)
+
+
+def checked(*steps: Mapping[str, Any], **facts: bool) -> WordChecks:
+    """What its words say; `facts` that differ from those of a robot that has everything."""
+    mission = mission_of(*steps)
+    behaviours = checks_of(mission).facts.behaviours
+    return checks_of(mission, StepFacts(behaviours=behaviours, **facts))
+
+
+def problems(*steps: Mapping[str, Any], **facts: bool) -> list[str]:
     """What is wrong in it, each as `path: words`."""
-    return [f"{dotted(path)}: {text}" for path, text in built(*steps, measured=measured, **keys).problems]
+    return [f"{dotted(path)}: {text}" for path, text in checked(*steps, **facts).problems]
 
 
 class Walker:
@@ -33,11 +49,11 @@ class Walker:
 
     def __init__(self, *steps: Mapping[str, Any]) -> None:
         made = built(*steps)
-        assert not made.problems
         self._tree, self._names = made.tree, [path for path, _ in made.steps]
         self._passive = made.passive
         self.position = Position()
         self.events: list[MissionEvent] = []
+        self.acted: Mapping[int, Acted] = {}
         self.rests = self.begun = False
         self.tick()
 
@@ -52,17 +68,24 @@ class Walker:
         outcome: str = "",
         *,
         standing: bool = True,
-        fault: str = "",
+        fault: str | Sequence[str] = (),
         answers: Sequence[str] = (),
         dt: float = DT,
         done: float | None = None,
         **signals: float | str | bool,
     ) -> str:
         """One tick; the path of the step that runs then."""
-        position = replace(self.position, fault=fault) if fault else self.position
+        faults = (fault,) if isinstance(fault, str) else tuple(fault)
+        position = replace(self.position, faults=faults) if faults else self.position
         known = {name.replace("__", "."): value for name, value in signals.items()}
         facts = MissionFacts(
-            signals=known, dt=dt, standing=standing, outcome=outcome, answers=tuple(answers), done=done
+            signals=known,
+            dt=dt,
+            standing=standing,
+            outcome=outcome,
+            answers=tuple(answers),
+            done=done,
+            acted=self.acted,
         )
         if position.step < self._tree.size:
             advanced = advance(self._tree, self._passive, position, facts)

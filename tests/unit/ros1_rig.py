@@ -8,11 +8,10 @@ from collections.abc import Callable, Coroutine, Sequence
 from concurrent.futures import Future
 from typing import Any, TypeVar
 
-from ports import free_port
-
 from artemis.bridges.ros1.connections import Connections
 from artemis.bridges.ros1.tcpros import framed, pack_header, parse_header, read_block
 from artemis.bridges.ros1.xmlrpc import BROKEN, CallError, XmlRpcServer, call
+from artemis_lab.bench.ports import free_port
 
 Answer = TypeVar("Answer")
 
@@ -147,26 +146,30 @@ class Peer:
     def ask(self, service: str, md5: str = "*") -> tuple[dict[str, str], bytes]:
         """The header and the response of a service without arguments."""
 
-        async def ask() -> tuple[dict[str, str], bytes]:
-            host, _, port = self.master.served[service].removeprefix("rosrpc://").rpartition(":")
-            reader, writer = await asyncio.open_connection(host, int(port))
-            self.master.opened.append(writer)
-            writer.write(pack_header({"callerid": "/peer", "service": service, "md5sum": md5}) + framed(b""))
-            header = parse_header(await read_block(reader, 1 << 16))
-            answer = b"" if "error" in header else await reader.readexactly(1) + await read_block(reader, 1 << 16)
-            writer.close()
-            return header, answer
+        return self.master.run(self.ask_later(service, md5))
 
-        return self.master.run(ask())
+    async def ask_later(self, service: str, md5: str = "*") -> tuple[dict[str, str], bytes]:
+        """Likewise, on the master's loop."""
+        host, _, port = self.master.served[service].removeprefix("rosrpc://").rpartition(":")
+        reader, writer = await asyncio.open_connection(host, int(port))
+        self.master.opened.append(writer)
+        writer.write(pack_header({"callerid": "/peer", "service": service, "md5sum": md5}) + framed(b""))
+        header = parse_header(await read_block(reader, 1 << 16))
+        answer = b"" if "error" in header else await reader.readexactly(1) + await read_block(reader, 1 << 16)
+        writer.close()
+        return header, answer
 
 
 class Publisher:
-    """A publisher of one topic, on the master's loop."""
+    """A publisher of one topic, on the master's loop; what is `kept` is told whoever connects."""
 
-    def __init__(self, master: Master, topic: str, type: str, md5: str, name: str = "/peer") -> None:
-        self.master, self._heard_by = master, list[asyncio.StreamWriter]()
+    def __init__(
+        self, master: Master, topic: str, type: str, md5: str, name: str = "/peer", kept: bytes | None = None
+    ) -> None:
+        self.master, self._heard_by, self._kept = master, list[asyncio.StreamWriter](), kept
         self._links = Connections(self._serve, BROKEN)
-        self._header = {"callerid": name, "topic": topic, "type": type, "md5sum": md5, "latching": "0"}
+        latching = str(int(kept is not None))
+        self._header = {"callerid": name, "topic": topic, "type": type, "md5sum": md5, "latching": latching}
         self._tcp = master.run(asyncio.start_server(self._links.accept, "127.0.0.1", 0))
         port = self._tcp.sockets[0].getsockname()[1]
         self._calls = XmlRpcServer({"requestTopic": lambda *_: [1, "", ["TCPROS", "127.0.0.1", port]]})
@@ -198,6 +201,16 @@ class Publisher:
 
         self.master.run(say())
 
+    def cut(self) -> None:
+        """Lose all connections."""
+
+        async def cut() -> None:
+            for link in self._heard_by:
+                link.transport.abort()
+            self._heard_by.clear()
+
+        self.master.run(cut())
+
     def leave(self) -> None:
         """Go without a word."""
 
@@ -210,5 +223,7 @@ class Publisher:
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         await read_block(reader, 1 << 16)
         writer.write(pack_header(self._header))
+        if self._kept is not None:
+            writer.write(framed(self._kept))
         self._heard_by.append(writer)
         await reader.read()  # until it leaves

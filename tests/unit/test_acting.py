@@ -14,7 +14,7 @@ from artemis.mission.words import Step
 from artemis.plugins.acting import MAX_STATE_BYTES, Answered, answered, misdeclared, state_from, state_text
 from artemis.plugins.contracts import Acting, Behaviour, Declared, Following, declared
 from artemis.plugins.registry import breaches
-from artemis.progress import OWN_STEPS, SignalValue
+from artemis.progress import OWN_STEPS, TAKEN_SIGNALS, SignalValue
 from artemis.values import DriveCommand, Tracking
 
 FACTS = Declared(outcomes=("stuck",), signals={"gas_ppm": "ppm"})
@@ -50,7 +50,7 @@ def test_names_of_artemis_own_steps_are_all_kept_from_behaviours() -> None:
         ({"signals": {"gas": "ppm"}}, "declares the signal 'gas' in ppm: its name has to end with _ppm"),
         ({"signals": {"speed_ms": "m/s"}}, "its name has to end with _m_s"),
         ({"signals": {"Gas_ppm": "ppm"}}, "declares the signal 'Gas_ppm'"),
-        ({"signals": {"run_s": "s"}}, "declares the signal 'run_s': it is artemis' own"),
+        *(({"signals": {name: ""}}, f"declares the signal {name!r}: it is artemis' own") for name in TAKEN_SIGNALS),
         ({"signals": {"not": ""}}, "declares the signal 'not'"),
         ({"signals": {"gas_ppm": None}}, "declares the signal 'gas_ppm'"),
     ],
@@ -80,7 +80,7 @@ def test_a_class_is_checked_with_all_that_it_declares() -> None:
     assert breaches(Odd, Behaviour) == [
         "has no method step()",
         "declares the outcome 'Bad': small letters, digits and hyphens are meant, a letter first",
-        "has a default of until in its Config: a mission writes this condition, or nobody",
+        "has a default of until in its Config: only a mission may write this condition",
     ]
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from artemis.report.figures import style
+from artemis_lab.bench.serial_tick import SLOWEST, serial_tick_grid, serial_ticks
 from artemis_lab.bench.transport import (
     MESSAGES,
     THESIS_RATIO,
@@ -48,6 +49,24 @@ def test_every_cause_adds_time() -> None:
     times = [row.serial for row in compared(USUAL)]
     assert times == sorted(times)
     assert "1:138" in comparison_grid(compared(USUAL)).text()
+
+
+def test_table_of_ticks_over_a_line_is_the_one_of_the_page() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "serial.md").read_text()
+    table = page.partition("checked by a test -->\n")[2].partition("<!-- end of ticks -->")[0]
+    assert table == "\n".join(serial_tick_grid(serial_ticks()).markdown().splitlines()[2:]) + "\n"
+
+
+def test_ticks_of_two_drives_fit_the_slowest_tick_only_without_adapter_and_hand_shake() -> None:
+    """24 bytes a command of 10 bits; 7 of a driven wheel, 8 of a steered one with its two potentiometers."""
+    ticks = {(tick.family, tick.drives, tick.baud): tick for tick in serial_ticks()}
+    first = ticks["EPOS", 2, 115200]
+    assert first.commands == 7 + 8
+    assert first.wire == pytest.approx(15 * 240 / 115200)
+    assert ticks["EPOS", 4, 115200].wire == pytest.approx(30 * 240 / 115200)
+    assert SLOWEST < min(first.totals)
+    assert ticks["EPOS4", 2, 115200].totals[0] < SLOWEST < ticks["EPOS4", 2, 115200].totals[1]
+    assert ticks["EPOS4", 4, 1_000_000].totals[1] < SLOWEST
 
 
 def test_figure_is_drawn(tmp_path: Path) -> None:

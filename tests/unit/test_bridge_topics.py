@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from artemis.battery import BatteryState
+from artemis.bridges.ros_types import Ros1Types, Ros2Types
 from artemis.bridges.stamps import Stamps
 from artemis.bridges.topics import Content, Topics
 from artemis.mapping.occupancy import OccupancyMap, ShownMap
 from artemis.mission.loading import load_model
-from artemis.motion.planned_route import packed
+from artemis.motion.planned_route import packed_route, planned_route
 from artemis.motion.poses import placed
 from artemis.motion.route import route_from_csv
 from artemis.scan import Scan
@@ -94,18 +96,16 @@ def test_a_fault_is_told_at_once_with_its_words() -> None:
 
 
 def test_a_planned_route_is_told_on_the_map() -> None:
-    values = packed(np.array([[0.0, 0.0, 0.4], [1.0, 0.0, 0.4], [1.0, 1.0, 0.4]]))
+    points = np.column_stack([np.linspace(0.0, 1.0, 21), np.zeros(21), np.full(21, 0.4)])
+    values = packed_route(planned_route(points, ROBOT, 0.4))
     result = JobResult(id=1, kind=JobKind.PLAN, drive="a route", ok=True, values=values)
     topics = Topics(ROBOT)
     list(topics.tell(TICKS[0], 0))
     tick = changed(TICKS[1], sensed=replace(TICKS[1].snapshot.sensed, results=(result,)))
     content = {said.topic.name: said.content for said in topics.tell(tick, 0)}
     assert content["path"]["header"]["frame_id"] == "map"
-    assert [pose["pose"]["position"] for pose in content["path"]["poses"]] == [
-        {"x": 0.0, "y": 0.0},
-        {"x": 1.0, "y": 0.0},
-        {"x": 1.0, "y": 1.0},
-    ]
+    places = [pose["pose"]["position"] for pose in content["path"]["poses"]]
+    assert [places[0], places[-1]] == [{"x": 0.0, "y": 0.0}, {"x": 1.0, "y": 0.0}]
     assert content["goal"] == content["path"]["poses"][-1]
 
 
@@ -123,17 +123,46 @@ def test_battery_scans_and_paths_are_told() -> None:
     assert content["scan"]["header"] == {"stamp": {"sec": 4, "nanosec": SECOND // 2}, "frame_id": "front"}
     assert (content["scan"]["angle_max"], list(content["scan"]["ranges"])) == (1.0, [1.0, 0.0, 2.0])
     assert content["goal"] == content["path"]["poses"][-1]
-    again = {said.topic.name for said in topics.tell(TICKS[1], 0)}
-    assert "path" not in again
-    over = replace(TICKS[2], position=replace(TICKS[2].position, step=1))
+    again = [said for number, tick in enumerate(TICKS[1:120]) for said in topics.tell(tick, number * SECOND)]
+    assert "path" not in {said.topic.name for said in again}
+    goals = [said for said in again if said.topic.name == "goal"]
+    assert [said.content["header"]["stamp"]["sec"] for said in goals] == [49, 99], "for who comes later"
+    assert [said.content["pose"] for said in goals] == 2 * [content["goal"]["pose"]]
+    assert not goals[0].topic.latched
+    over = replace(TICKS[150], position=replace(TICKS[150].position, step=1))
     (path,) = [said.content for said in topics.tell(over, 0) if said.topic.name == "path"]
     assert path["poses"] == []
+    later = [replace(tick, position=over.position) for tick in TICKS[151:300]]
+    assert "goal" not in {said.topic.name for tick in later for said in topics.tell(tick, 0)}
     (fixed,) = topics.begin(0)
     assert [part["child_frame_id"] for part in fixed.content["transforms"]] == [
         "rear_left_wheel",
         "rear_right_wheel",
         "front",
     ]
+
+
+def test_a_battery_is_told_as_far_as_it_is_known() -> None:
+    robot = load_model(MISSIONS / "robots/artemis_battery.yaml", RobotFile)
+    assert robot.battery is not None
+    capacity = robot.battery.capacity_ah
+    sensed = replace(TICKS[0].snapshot.sensed, battery_v=24.0)
+    known = BatteryState(volts=24.1, charge=0.75, charge_std=0.1, watts=48.0)
+
+    def battery(robot: RobotFile, known: BatteryState | None) -> Content:
+        return told(changed(TICKS[0], sensed=sensed, battery=known), robot)["battery"]
+
+    whole = battery(robot, known)
+    assert (whole["voltage"], whole["percentage"], whole["current"]) == (24.0, 0.75, -2.0)
+    assert (whole["charge"], whole["capacity"], whole["present"]) == (0.75 * capacity, capacity, True)
+    names = ("percentage", "current", "charge", "temperature", "design_capacity")
+    assert all(math.isnan(battery(robot, None)[name]) for name in names)
+    assert all(math.isnan(battery(ROBOT, None)[name]) for name in (*names, "capacity"))
+    pytest.importorskip("rosbags", reason="needs the extra ros: pip install 'artemis-robot[ros]'")
+    for types in (Ros1Types(), Ros2Types("jazzy")):
+        types.prepare("sensor_msgs/msg/BatteryState")
+        message = types.unpack("sensor_msgs/msg/BatteryState", types.pack("sensor_msgs/msg/BatteryState", whole))
+        assert (message.percentage, message.current) == (0.75, -2.0)  # type: ignore[attr-defined]
 
 
 def test_a_map_is_told_where_it_is_another_one_with_the_frame_of_the_odometry_on_it() -> None:

@@ -118,6 +118,7 @@ def test_a_computer_that_is_held_up_for_100_ms_is_so_late() -> None:
 
 def test_a_missing_package_is_a_failure_and_a_missing_extra_a_note(monkeypatch: pytest.MonkeyPatch) -> None:
     needs = ["not-there-at-all>=1.0", 'nor-this>=2; extra == "ros"', "numpy>=999", 'nor-that; extra == "dev"']
+    needs.append('nor-a-browser; extra == "web-tests"')
     monkeypatch.setattr(doctor, "requires", lambda name: needs)
     found = {each.what.split()[0]: each for each in doctor._software(everything=False)}
     assert found["not-there-at-all"].grade is FAILURE

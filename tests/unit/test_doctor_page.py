@@ -17,14 +17,13 @@ from artemis.commands.doctor_page import page_findings, priority
 from artemis.commands.findings import FAILURE, NOTE, OK, WARNING, Grade
 from artemis.page import certificates
 from artemis.page.access import key_place, read_key
+from artemis_lab.bench.ports import free_port
 
 
 @pytest.fixture(autouse=True)
 def own_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        monkeypatch.setattr(doctor_page, "PAGE_PORT", probe.getsockname()[1])
+    monkeypatch.setattr(doctor_page, "PAGE_PORT", free_port())
 
 
 def found() -> dict[Grade, list[str]]:

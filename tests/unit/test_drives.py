@@ -160,10 +160,10 @@ def test_last_resort_bears_a_lost_bus() -> None:
 def test_frames_reach_the_node_of_their_identifier() -> None:
     bench = Bench(DISABLED)
     bench.hear(3, ENABLED)
-    states = {feedback.name: feedback.state for feedback in bench.drives.feedback(0.0)}
+    states = {feedback.name: feedback.state for feedback in bench.drives.sense(0.0).drives}
     assert states.pop("steer-left") is DriveState.OPERATION_ENABLE
     assert set(states.values()) == {DriveState.SWITCH_ON_DISABLED}
-    assert [feedback.name for feedback in bench.drives.feedback(0.0)] == list(NAMES)
+    assert [feedback.name for feedback in bench.drives.sense(0.0).drives] == list(NAMES)
 
 
 GARBAGE = [
@@ -177,10 +177,10 @@ GARBAGE = [
 @pytest.mark.parametrize("garbage", GARBAGE)
 def test_garbage_is_counted_and_dropped_and_the_rest_goes_on(garbage: Frame) -> None:
     bench = Bench(DISABLED)
-    before = bench.drives.feedback(0.0)
+    before = bench.drives.sense(0.0).drives
     bench.bus.arrived = [garbage, Frame(0x182, bytes.fromhex("37 03 00 00 00 00"))]
     bench.drives.wire.take_in()
-    after = bench.drives.feedback(0.0)
+    after = bench.drives.sense(0.0).drives
     sick = (garbage.id & 0x7F) - 1
     assert [feedback.malformed for feedback in after] == [int(number == sick) for number in range(4)]
     assert after[1].state is DriveState.OPERATION_ENABLE
@@ -192,23 +192,23 @@ def test_emergency_that_cannot_be_read_is_marked_and_urgent() -> None:
     bench = Bench(DISABLED)
     bench.bus.arrived = [Frame(0x084, b"\x30\x81")]
     assert bench.drives.wire.take_in()
-    assert [feedback.emergencies for feedback in bench.drives.feedback(0.0)] == [(), (), (), (UNREADABLE,)]
+    assert [feedback.emergencies for feedback in bench.drives.sense(0.0).drives] == [(), (), (), (UNREADABLE,)]
 
 
 @pytest.mark.parametrize("identifier", [0x000, 0x080, 0x085, 0x185, 0x201, 0x381, 0x601, 0x705, 0x77F, 0x7FF])
 def test_frames_of_strangers_are_ignored(identifier: int) -> None:
     bench = Bench()
-    before = bench.drives.feedback(0.0)
+    before = bench.drives.sense(0.0).drives
     bench.bus.arrived = [Frame(identifier, b"\xff" * 8)]
     bench.drives.wire.take_in()
-    assert bench.drives.feedback(0.0) == tuple(replace(feedback, frames=0) for feedback in before)
+    assert bench.drives.sense(0.0).drives == tuple(replace(feedback, frames=0) for feedback in before)
 
 
 def test_remote_frames_are_ignored() -> None:
     bench = Bench(DISABLED)
     bench.bus.arrived = [Frame(0x181, b"", rtr=True), Frame(0x701, b"", rtr=True)]
     bench.drives.wire.take_in()
-    feedback = bench.drives.feedback(0.0)[0]
+    feedback = bench.drives.sense(0.0).drives[0]
     assert feedback.malformed == 0
     assert feedback.nmt is None
 

@@ -11,7 +11,8 @@ from core_builders import drive, drives
 from msgspec.structs import replace
 
 from artemis.devices.can_bus import Frame
-from artemis.recording.event_log import STORM, EventLog
+from artemis.recording.emergencies import STORM
+from artemis.recording.event_log import EventLog
 from artemis.recording.journal import Entry, Level
 from artemis.supervision import catalogue
 from artemis.values import (
@@ -331,6 +332,20 @@ def test_emergencies_and_boots_of_a_drive_are_told() -> None:
         ("emergency", "traction-left: EMCY 0x0000", Level.INFO),
         ("emergency", "traction-left: damaged EMCY", Level.WARNING),
         ("boot-up", "traction-left", Level.INFO),
+    ]
+
+
+def test_the_proof_of_the_watchdog_is_no_warning() -> None:
+    said = drives(drive("traction-left", emergencies=(0x8130, 0x8611)))
+    proving = replace(tick(0.02, drives=said), wish=Wish(phase="proving the watchdog"))
+    entries = [entry for entry in told(tick(), proving) if entry.kind == "emergency"]
+    assert [(entry.kind, entry.text, entry.level) for entry in entries] == [
+        (
+            "emergency",
+            "traction-left: EMCY 0x8130, as it has to: the proof that the drive notices a lost heartbeat",
+            Level.INFO,
+        ),
+        ("emergency", "traction-left: EMCY 0x8611", Level.WARNING),
     ]
 
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from core_builders import ROBOT
 
+import artemis
 from artemis.devices.epos_objects import PERIOD, quantities
 from artemis.drive_states import DriveState
 from artemis.families import EPOS1, EPOS4, FAMILIES, GENERATIONS, Family
@@ -84,3 +87,18 @@ def test_hardware_version_tells_the_generation(version: int, name: str) -> None:
 def test_an_object_is_named_as_data_sheets_do_and_mapped_with_its_size() -> None:
     assert str(POSITION) == "0x6064:0"
     assert (POSITION.mapping, STATUSWORD.mapping) == (0x60640020, 0x60410010)
+
+
+CORE = "states", "supervision", "motion", "devices", "robot.py", "values.py", "plugins", "recording", "report"
+
+
+def test_no_file_of_the_core_names_a_family() -> None:
+    """But the two protocols of serial lines, which have names of families that speak them."""
+    package = Path(artemis.__file__).parent
+    names = {f'"{name}"' for name in (*FAMILIES, "cia402")}
+    files = [
+        file for part in CORE for file in sorted(package.glob(part if part.endswith(".py") else f"{part}/**/*.py"))
+    ]
+    assert len(files) > 100
+    found = {file.name for file in files if any(name in file.read_text() for name in names)}
+    assert found == {"serial_frames.py"}

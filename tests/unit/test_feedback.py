@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from pad import MISSIONS, ROBOT
 
 from artemis.devices.evdev import effects
-from artemis.devices.evdev.effects import BEAT, BEATS, Motors, find_motors
+from artemis.devices.evdev.effects import BEAT, BEATS, FORCE, Motors, find_motors
 from artemis.devices.evdev.nodes import AUTOCENTER, CONSTANT, PERIODIC, RUMBLE, SPRING, EventNode
 from artemis.devices.hid.port import HidInfo
 from artemis.errors import DeviceLost
@@ -34,6 +34,7 @@ class FakeMotors:
     def __init__(self) -> None:
         self.effects: dict[int, bytes] = {}
         self.written: list[tuple[int, int]] = []
+        self.lamps: list[tuple[int, int]] = []
         self.error: OSError | None = None
         self.closed = False
 
@@ -44,9 +45,9 @@ class FakeMotors:
         self.effects[id] = effect
         return id
 
-    def write(self, code: int, value: int) -> None:
+    def write(self, kind: int, code: int, value: int) -> None:
         self._check()
-        self.written.append((code, value))
+        (self.written if kind == FORCE else self.lamps).append((code, value))
 
     def close(self) -> None:
         self.closed = True
@@ -65,15 +66,15 @@ class FakeMotors:
 class Hand:
     """A device with such motors, and the robot's ticks."""
 
-    def __init__(self, *forces: int, rumble: bool = True, force: float = 0.0) -> None:
+    def __init__(self, *forces: int, rumble: bool = True, force: float = 0.0, lamps: tuple[int, ...] = ()) -> None:
         self.node, self.lookups = FakeMotors(), 0
-        self.forces = frozenset(forces)
+        self.forces, self.lamps = frozenset(forces), frozenset(lamps)
         self.feedback = Feedback(rumble, force, 0.7, self._find, threaded=False)
         self.feedback.take([PAD])
 
     def _find(self, info: HidInfo) -> Motors | None:
         self.lookups += 1
-        return Motors(self.node, self.forces) if self.forces else None
+        return Motors(self.node, self.forces, self.lamps) if self.forces or self.lamps else None
 
     def show(self, mode: Mode, speed: float = 0.0) -> str:
         seen = replace(snapshot(), odometry=Odometry(speed=speed))
@@ -104,6 +105,37 @@ def test_a_fault_after_a_quick_stop_is_felt_as_well() -> None:
     hand.show(Mode.QUICKSTOP)
     hand.show(Mode.FAULT)
     assert len(hand.node.written) == 2
+
+
+def test_lamps_are_on_while_the_robot_is_stopped() -> None:
+    hand = Hand(lamps=(8, 0))
+    hand.show(Mode.TELEOP, 0.5)
+    assert hand.node.lamps == []
+    for mode in (Mode.QUICKSTOP, Mode.QUICKSTOP):
+        assert hand.show(mode) == ""
+    assert hand.node.lamps == [(0, 1), (8, 1)]
+    hand.show(Mode.READY)
+    assert hand.node.lamps[2:] == [(0, 0), (8, 0)]
+    hand.show(Mode.FAULT)
+    hand.feedback.close()
+    assert hand.node.lamps[4:] == [(0, 1), (8, 1), (0, 0), (8, 0)]
+    assert hand.node.written == []
+
+
+def test_lamps_of_a_device_that_joins_a_stopped_robot_are_on() -> None:
+    hand = Hand(RUMBLE, lamps=(8,))
+    hand.show(Mode.FAULT)
+    hand.feedback.take([PAD])
+    assert hand.node.lamps == [(8, 1), (8, 0), (8, 1)]
+    assert len(hand.node.written) == 1, "it rumbles at the stop alone"
+
+
+def test_lamps_stay_as_they_are_where_rumble_is_left_out() -> None:
+    hand = Hand(lamps=(8,), rumble=False, force=0.3)
+    for mode in (Mode.FAULT, Mode.READY):
+        hand.show(mode)
+    hand.feedback.close()
+    assert hand.node.lamps == []
 
 
 def test_rumble_can_be_left_out() -> None:
@@ -263,7 +295,9 @@ def test_a_device_that_takes_for_ever_delays_no_tick() -> None:
 def test_motors_are_opened_where_their_node_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     info = dataclasses.replace(PAD, path=str(tmp_path / "event"))
     none = frozenset[int]()
-    node = EventNode(info=info, keys=none, axes=none, forces=frozenset({RUMBLE}), hidraw=frozenset({"hidraw0"}))
+    node = EventNode(
+        info=info, keys=none, axes=none, forces=frozenset({RUMBLE}), lamps=none, hidraw=frozenset({"hidraw0"})
+    )
     monkeypatch.setattr(effects, "motors_of", lambda info: node if info == PAD else None)
     assert find_motors(info) is None
     with pytest.raises(DeviceLost, match="is not there"):

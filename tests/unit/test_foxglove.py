@@ -14,7 +14,8 @@ from typing import Any
 
 import pytest
 from msgspec.structs import replace
-from ports import free_port
+
+from artemis_lab.bench.ports import free_port
 
 pytest.importorskip("foxglove", reason="needs the extra foxglove: pip install 'artemis-robot[foxglove]'")
 pytest.importorskip("websockets", reason="needs the extra web: pip install 'artemis-robot[web]'")
@@ -124,6 +125,28 @@ def test_a_viewer_hears_odometry_scan_transforms_and_what_was_told_before_it_cam
     assert heard["/tf"][1].transforms[0].child_frame_id == "base_link"
     assert [each.child_frame_id for each in heard["/tf_static"][1].transforms][-1] == "front"
     assert len(heard["/path"][1].poses) > 10
+    assert observer.take_problems() == []
+
+
+def test_a_viewer_that_is_too_slow_is_told_once(observer: FoxgloveObserver) -> None:
+    problems: list[tuple[str, str, str]] = []
+    with ExitStack() as ends:
+        viewer = Viewer(observer.port)
+        ends.callback(viewer.close)
+        viewer.learn(len(observer._channels))
+        viewer.subscribe("/odom")
+        while not observer._channels["odom"].has_sinks():
+            pass
+        observer.see(TICKS[0], (), 0.0)
+        assert observer.take_problems() == []
+        while not problems:  # nobody reads
+            observer._channels["odom"].log(bytes(1 << 19))
+            problems += observer.take_problems()
+        for _ in range(100):
+            observer._channels["odom"].log(bytes(1 << 19))
+            problems += observer.take_problems()
+    assert problems == [("NET-12", "fox", "a viewer is too slow: messages for it are dropped")]
+    observer.close()
     assert observer.take_problems() == []
 
 

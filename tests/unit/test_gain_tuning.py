@@ -161,29 +161,29 @@ def assert_sound(found: Tuned) -> None:
     if not found.why and len(before) == len(found.now):
         assert slowest <= 0.6 * max(before)
     assert max(each.overshoot or 0.0 for each in found.new) <= 0.1
-    assert found.resting < 0.02 * abs(found.new[0].step) / found.new[0].ramp
+    assert found.resting < 0.02
 
 
 @pytest.mark.exhaustive
 @pytest.mark.parametrize("seed", seeds(3))
 def test_driven_wheels_with_hidden_loads_settle_much_sooner(seed: int) -> None:
-    found = tuned(machine(seed, "traction"))
+    found = tuned(machine(seed, "traction"), seed)
     assert_sound(found)
     assert found.new
 
 
 @pytest.mark.parametrize("seed", seeds(5))
 def test_driven_wheels_of_an_epos4_settle_much_sooner(seed: int) -> None:
-    found = tuned(machine(seed, "traction", DRIVES_4))
+    found = tuned(machine(seed, "traction", DRIVES_4), seed)
     assert_sound(found)
     assert found.new
 
 
 @pytest.mark.parametrize("seed", seeds(5))
 def test_steered_wheels_of_an_epos4_settle_sooner_or_it_is_told_why_not(seed: int) -> None:
-    assert_sound(tuned(machine(seed, "steering", DRIVES_4)))
+    assert_sound(tuned(machine(seed, "steering", DRIVES_4), seed))
 
 
 @pytest.mark.parametrize("seed", seeds(3))
 def test_steered_wheels_with_hidden_loads_settle_sooner_or_it_is_told_why_not(seed: int) -> None:
-    assert_sound(tuned(machine(seed, "steering")))
+    assert_sound(tuned(machine(seed, "steering"), seed))

@@ -68,15 +68,27 @@ def test_a_fault_in_the_first_trial_ends_it(tmp_path: Path, capsys: pytest.Captu
 
 
 @pytest.mark.exhaustive
-def test_driven_wheels_that_swing_get_gains_that_do_not(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = with_loads(
-        tmp_path, traction={"inertia_scale": 1.3, "friction_scale": 0.8, "play_deg": 0.2, "delay_ms": 3.0}
-    )
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize(
+    "load",
+    [
+        {"inertia_scale": 1.3, "friction_scale": 0.8, "play_deg": 0.2, "delay_ms": 3.0},
+        {"inertia_scale": 2.4, "friction_scale": 1.6, "play_deg": 0.1, "delay_ms": 0.0},
+        {"inertia_scale": 1.0, "friction_scale": 0.5, "play_deg": 0.3, "delay_ms": 6.0},
+    ],
+    ids=["with play", "heavy", "late"],
+)
+def test_driven_wheels_that_swing_get_gains_that_do_not(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], load: dict[str, float]
+) -> None:
+    """Whole runs, with bus, gate and recording."""
+    path = with_loads(tmp_path, traction=load)
     assert calibrate_auto(path, Wanted(drives=DRIVEN, gains={})) == 0
     lines = capsys.readouterr().out.splitlines()
     assert any(line.startswith("restored    traction-left, traction-right") for line in lines)
-    (share,) = (line for line in lines if line.startswith("better      settles in "))
-    assert float(share.split()[3].rstrip("%")) <= 60.0
+    (better,) = (line for line in lines if line.startswith("better      "))
+    swung = "the present gains did not settle each time" in better
+    assert swung or float(better.split()[3].rstrip("%")) <= 60.0
     assert lines[-1].startswith("kept        nothing: simulated drives")
     figures = list((tmp_path / "runs").glob("*/gains.png"))
     assert len(figures) == 2

@@ -128,7 +128,7 @@ def test_a_device_that_is_gone_is_lost(hidapi: FakeHidapi, info: HidInfo) -> Non
     hidapi.gone = True
     with pytest.raises(DeviceLost, match=r"G27 .*: is gone \(read error\)"):
         handle.read(0.05)
-    with pytest.raises(DeviceLost, match="does not tell its report descriptor"):
+    with pytest.raises(DeviceLost, match="does not return its report descriptor"):
         handle.descriptor()
     handle.close()
     with pytest.raises(DeviceLost, match="not open"):

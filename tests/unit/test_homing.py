@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import groupby
 from math import degrees, inf, radians
 from pathlib import Path
 from typing import Any
@@ -17,10 +18,10 @@ from artemis.families.family import HOME_INPUT
 from artemis.mission.loading import load_model
 from artemis.motion.limits import Gate
 from artemis.motion.potentiometers import encoder_angle
-from artemis.states.homing import SLOW, find_angles
+from artemis.states.homing import SLOW, STRAIGHT, _Held, find_angles
 from artemis.states.mode import Failed
 from artemis.states.plan import Plan, Shared
-from artemis.values import DriveFeedback, JobKind, JobResult, Request, SetPoints, Snapshot, Wish
+from artemis.values import DriveFeedback, Job, JobKind, JobResult, Request, SetPoints, Snapshot, Wish
 from artemis.vehicle import RobotFile
 
 ROBOTS = Path(__file__).parents[2] / "missions" / "robots"
@@ -58,9 +59,19 @@ class Machine:
     """Of the ticks [s]."""
     requests: tuple[Request, ...] = ()
     attended: bool = True
+    states: dict[str, DriveState] = field(default_factory=dict)
+    """Of the drives in the end."""
+    returned: Snapshot | None = None
+    seen_last: Snapshot | None = None
     counted: dict[str, float] = field(default_factory=dict)
     """What the drives count less the true angle [rad]."""
     phases: set[str] = field(default_factory=set)
+    springs: float = 0.0
+    """So far a motor turns by itself when it is switched off [degrees]."""
+    accepts: tuple[float, float] = (0.0, inf)
+    """When `requests` are made [s]."""
+    wishes: list[tuple[Wish, SetPoints]] = field(default_factory=list)
+    """Each with the set-points that its routine saw."""
 
     def find(self, longest: float = 120.0) -> None:
         """Let the routine run to its end."""
@@ -72,9 +83,13 @@ class Machine:
         while time < longest:
             time += self.period
             self.phases.add(wish.phase)
+            self.wishes.append((wish, points))
+            was_on = {name for name, state in states.items() if state is DriveState.OPERATION_ENABLE}
             for name, described in self.robot.drives.items():
                 goal = wish.steering if described.role == "steering" else wish.traction
                 states[name] = DriveState.OPERATION_ENABLE if goal is Goal.ENABLED else DriveState.SWITCH_ON_DISABLED
+                if name in self.angles and name in was_on and states[name] is not DriveState.OPERATION_ENABLE:
+                    self.angles[name] += self.springs
             points = gate.limit(wish.command, points, self.period)
             self.turn(points, states)
             results = tuple(
@@ -82,9 +97,11 @@ class Machine:
             )
             if any(job.kind is JobKind.REFERENCE for job in wish.jobs):
                 points = self.standing()
+            seen = self.seen(time, states, points, results)
             try:
-                wish = routine.send(self.seen(time, states, points, results))
-            except StopIteration:
+                wish = routine.send(seen)
+            except StopIteration as ended:
+                self.states, self.returned, self.seen_last = states, ended.value, seen
                 return
         raise AssertionError(f"no end within {longest} s, in {wish.phase}")
 
@@ -117,9 +134,19 @@ class Machine:
             steers = name in self.angles
             values = {"position": self.position(name), "angle_sensor": self.shows(self.angles[name])} if steers else {}
             said.append(drive(name, state=states[name], potentiometers=(0.0, 0.0), frames=1, **values))
-        more: dict[str, Any] = {"requests": self.requests, "attended": self.attended}
+        asks = self.accepts[0] <= time <= self.accepts[1]
+        more: dict[str, Any] = {"requests": self.requests if asks else (), "attended": self.attended}
         seen = snapshot(time, set_points=points, drives=tuple(said), results=results, **more)
         return replace(seen, dt=self.period)
+
+    @property
+    def jobs(self) -> list[Job]:
+        return [job for wish, _ in self.wishes for job in wish.jobs]
+
+    @property
+    def references(self) -> list[float]:
+        """Angles that a motor was told to stand at [degrees]."""
+        return [round(degrees(job.value), 3) for job in self.jobs if job.kind is JobKind.REFERENCE]
 
     @property
     def errors(self) -> list[float]:
@@ -185,7 +212,7 @@ def test_a_switch_that_does_not_go_on_again_is_told() -> None:
         return HOME_INPUT if len(seen) == 60 else 0
 
     car = Machine(robot=described("small_car_switch"), angles={"steering": 7.0}, shows=once)
-    assert "its home switch does not go on where it did before" in car.refused()[2]
+    assert "its home switch closes at another place than before" in car.refused()[2]
 
 
 # ----------------------------------------------------------------------------------------------------------- encoders
@@ -247,17 +274,150 @@ def test_a_motor_that_turns_slower_than_it_is_told_to_is_not_held(tick_hz: int) 
 
 
 def test_no_hard_stop_is_told() -> None:
-    id, device, text = Machine(robot=described("small_car"), angles={"steering": 7.0}).refused()
+    car = Machine(robot=described("small_car"), angles={"steering": 7.0})
+    id, device, text = car.refused()
     assert (id, device) == ("CAL-03", "steering")
     assert "no hard stop within 160 degrees" in text
+    looked = [degrees(wish.command.steering) for wish, _ in car.wishes if wish.phase == "looking for the hard stop"]
+    assert len(looked) == pytest.approx(2 * 80.0 / degrees(SLOW) / PERIOD, abs=2), "twice from lock to lock"
+    assert (min(looked), max(looked)) == pytest.approx((-40.0, 40.0), abs=0.3)
+    phases = [phase for phase, _ in groupby(wish.phase for wish, _ in car.wishes)]
+    assert phases == ["switching off", "reference", "clear target", "enabling", "looking for the hard stop"] * 2
 
 
-def test_a_person_who_does_not_answer_ends_it() -> None:
+def test_a_motor_is_held_after_three_messages() -> None:
+    held = _Held("steer-left", 1.0)
+    told = SetPoints(steering_left=1.0)
+    still = replace(snapshot(set_points=told, drives=(drive(LEFT, position=0.0, frames=1),)), dt=0.02)
+    silent = replace(snapshot(set_points=told, drives=(drive(LEFT, position=0.0),)), dt=0.02)
+    assert [held(each) for each in (still, silent, still, silent, still)] == [False] * 4 + [True]
+
+
+def by_hand(**changes: Any) -> Machine:  # noqa: ANN401
     robot = load_model(ROBOTS / "small_car.yaml", RobotFile).model_dump(exclude_unset=True)
     robot["calibration"]["steering"] = {"middle": {"angle": "by_hand"}}
-    by_hand = RobotFile.model_validate(robot)
-    car = Machine(robot=by_hand, angles={"steering": 0.0}, attended=False)
-    assert car.refused()[0] == "CAL-01"
-    car = Machine(robot=by_hand, angles={"steering": 0.0}, requests=(Request.ACCEPT,))
+    return Machine(robot=RobotFile.model_validate(robot), angles={"steering": 0.0}, **changes)
+
+
+def asked(car: Machine) -> list[Wish]:
+    return [wish for wish, _ in car.wishes if wish.phase == STRAIGHT]
+
+
+def test_a_person_who_is_not_there_ends_it() -> None:
+    car = by_hand(attended=False)
+    id, device, text = car.refused()
+    assert (id, device) == ("CAL-01", "")
+    assert f"no answer from the operator: {STRAIGHT}" in text
+    assert asked(car) == []
+
+
+def test_wheels_that_a_person_set_straight_count_from_there() -> None:
+    car = by_hand(requests=(Request.ACCEPT,), accepts=(0.75, inf))
     car.find()
     assert car.errors == [0.0]
+    assert len(asked(car)) * PERIOD == pytest.approx(0.75, abs=0.03)
+    assert {(wish.traction, wish.steering) for wish in asked(car)} == {(Goal.DISABLED, Goal.DISABLED)}
+    drives = list(car.robot.drives)
+    assert [(job.kind, job.drive) for job in car.jobs] == [
+        (JobKind.REFERENCE, "steering"),
+        *((JobKind.CLEAR_TARGET, name) for name in drives),
+    ]
+    assert set(car.states.values()) == {DriveState.OPERATION_ENABLE}, "traction, too, in the end"
+
+
+def test_a_key_that_bounces_accepts_nothing() -> None:
+    car = by_hand(requests=(Request.ACCEPT,), accepts=(0.1, 0.48))
+    with pytest.raises(AssertionError, match="no end within"):
+        car.find(longest=5.0)
+    again = by_hand(requests=(Request.ACCEPT,), accepts=(0.495, 0.505))
+    again.find(longest=5.0)
+    assert len(asked(again)) == 25, "half a second exactly is enough"
+
+
+def test_a_person_has_exactly_ten_minutes() -> None:
+    routine = find_angles(Shared(Plan(robot=by_hand().robot, steps=())), snapshot(5.0))
+    assert next(routine).phase == STRAIGHT
+    assert routine.send(snapshot(605.0)).phase == STRAIGHT
+    with pytest.raises(Failed):
+        routine.send(snapshot(605.01))
+
+
+# ------------------------------------------------------------------------------------------------------------ exactly
+
+
+@pytest.mark.parametrize(
+    ("side", "angle", "is_refused"),
+    [
+        ("left", 73.318 + 19.5, False),
+        ("left", 73.318 + 20.5, True),
+        ("left", -49.469 - 19.5, False),
+        ("left", -49.469 - 20.5, True),
+        ("right", 49.469 + 19.5, False),
+        ("right", 49.469 + 20.5, True),
+        ("right", -73.318 - 19.5, False),
+        ("right", -73.318 - 20.5, True),
+    ],
+)
+def test_an_encoder_may_show_20_degrees_more_than_the_gate_lets_its_wheel_turn(
+    side: str, angle: float, is_refused: bool
+) -> None:
+    other = 0.5
+    car = absolute(angle, other) if side == "left" else absolute(other, angle)
+    if is_refused:
+        assert car.refused()[1] == f"steer-{side}"
+    else:
+        car.find()
+        assert car.errors == pytest.approx([0.0, 0.0], abs=0.01)
+    assert car.wishes[0][0].phase == "reading absolute encoders"
+    assert car.wishes[0][0].steering is Goal.DISABLED
+
+
+LOCK = {1.0: 40.0, -1.0: -40.0}
+"""Of the small car [degrees], by side."""
+
+
+@pytest.mark.parametrize("stop", [47.0, -47.0])
+def test_a_stop_is_looked_for_from_the_far_lock_and_taken_as_it_is_when_the_motor_is_off(stop: float) -> None:
+    car = Machine(robot=described("small_car", stop_deg=stop), angles={"steering": 7.0}, stops=(-47.0, 47.0))
+    car.springs = 0.3
+    car.find()
+    towards = 1.0 if stop > 0.0 else -1.0
+    assert car.references[0] == pytest.approx(-towards * car.robot.limits.steering_deg)
+    assert car.references[-1] == pytest.approx(stop + car.springs, abs=degrees(SLOW) * PERIOD)
+    assert car.errors == pytest.approx([0.0], abs=degrees(SLOW) * PERIOD)
+    assert {"looking for the hard stop", "switching off"} <= car.phases
+
+
+def held_while_off(car: Machine) -> None:
+    """Where the motor is switched off far from straight, the set-point stays where it was."""
+    off = [
+        (wish, points) for wish, points in car.wishes if wish.phase == "switching off" and abs(points.steering) > 0.05
+    ]
+    assert off
+    assert all(wish.command.steering == points.steering for wish, points in off)
+    assert all((wish.traction, wish.steering) == (Goal.DISABLED, Goal.DISABLED) for wish, _ in off)
+
+
+def test_the_set_point_stays_where_the_motor_met_the_stop() -> None:
+    car = Machine(robot=described("small_car", stop_deg=47.0), angles={"steering": 30.0}, stops=(-47.0, 47.0))
+    car.find()
+    held_while_off(car)
+    assert car.returned is car.seen_last is not None
+    assert set(car.states.values()) == {DriveState.OPERATION_ENABLE}
+
+
+@pytest.mark.parametrize("on_side", ["left", "right"])
+@pytest.mark.parametrize("place", [25.0, -25.0])
+def test_a_switch_is_met_twice_and_taken_as_it_is_when_the_motor_is_off(on_side: str, place: float) -> None:
+    robot = described("small_car_switch", switch_deg=place, on_side=on_side)
+    off = -40.0 if on_side == "left" else 40.0
+    car = Machine(robot=robot, angles={"steering": off}, shows=switch(place, on_side))
+    car.springs = 0.4
+    car.find()
+    assert car.errors == pytest.approx([0.0], abs=0.006)
+    towards = 1.0 if on_side == "left" else -1.0
+    assert car.references[0] == pytest.approx(-towards * car.robot.limits.steering_deg)
+    held_while_off(car)
+    creeping = [(wish, points) for wish, points in car.wishes if wish.phase == "looking for the home switch"]
+    assert len([1 for wish, _ in car.wishes if wish.phase == "switching off"]) >= 3
+    assert {wish.traction for wish, _ in creeping} == {Goal.DISABLED}

@@ -8,7 +8,7 @@ import pytest
 
 from artemis.errors import RecordingError
 from artemis.recording import journal as module
-from artemis.recording.journal import Entry, Journal, JournalContent, Level, read_journal
+from artemis.recording.journal import Entry, Journal, JournalContent, Level, is_under_way, read_journal
 from artemis_lab.injections.failing_disk import FailingDisk
 
 ENTRIES = (
@@ -230,3 +230,15 @@ def test_a_mark_that_the_disk_refuses_harms_no_entry(tmp_path: Path) -> None:
     journal.write(ENTRIES[1])
     journal.close()
     assert read_journal(journal.path) == JournalContent(entries=ENTRIES[:2], missing=None)
+
+
+def test_a_journal_is_locked_until_its_process_ends_it(tmp_path: Path) -> None:
+    path = tmp_path / "journal.jsonl"
+    assert not is_under_way(path)
+    journal = Journal(path)
+    assert is_under_way(path)
+    journal.write(ENTRIES[0])
+    assert read_journal(path).entries == ENTRIES[:1]
+    assert is_under_way(path)
+    journal.close()
+    assert not is_under_way(path)

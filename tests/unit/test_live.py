@@ -143,6 +143,8 @@ def test_the_changing_line_names_the_step_of_a_mission_with_words(where: str, he
     tracking = Tracking(arc_length=1.0, length=4.0, cross_track=-0.012)
     assert status(tick(12.5, tracking=tracking), 100, where=where).startswith(f"   12.50 s  {head}")
     assert len(status(tick(12.5, tracking=tracking), 40, where=where)) == 40
+    assert "  after wait 1 s: timeout  █" in status(tick(12.5, tracking=tracking), 160, 0.0, where, "wait 1 s: timeout")
+    assert status(tick(12.5), 160, 0.0, where, "wait 1 s: timeout").endswith("following  after wait 1 s: timeout")
 
 
 @pytest.mark.parametrize(("arc_length", "full"), [(-0.1, 0), (0.0, 0), (1.0, 8), (4.0, 30), (4.1, 30)])

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,10 +13,13 @@ from msgspec.structs import replace
 from supervision_rig import DRIVING, OFF
 
 from artemis.drive_states import DriveState
+from artemis.mission.loading import load_model
 from artemis.supervision.measures import DriveMeasures, HostMeasures, Reading
 from artemis.values import BusHealth, OperatorInput, Wish
+from artemis.vehicle import RobotFile
 
 SICK = "steer-left"
+FILES = Path(__file__).parents[2] / "missions" / "robots"
 
 # ---------------------------------------------------------------------------------------------- bus and messages
 
@@ -23,8 +27,8 @@ SICK = "steer-left"
 class Host:
     """The measures of everything that is not one drive's state, tick by tick."""
 
-    def __init__(self) -> None:
-        self.measures, self.time = HostMeasures(ROBOT.host_node_id), 0.0
+    def __init__(self, robot: RobotFile = ROBOT) -> None:
+        self.measures, self.time = HostMeasures(robot), 0.0
 
     def read(self, wish: Wish = DRIVING, after: float = PERIOD, **changes: Any) -> list[Reading]:
         self.time += after
@@ -114,6 +118,24 @@ def test_drive_that_lost_its_supply_some_ticks_ago_lost_it_for_another_reason() 
     host = Host()
     host.read(after=0.0, drives=drives(drive(NAMES[0], emergencies=(UNDER_VOLTAGE,))))
     assert host.values("EST-01", after=0.04, drives=drives(drive(NAMES[1], emergencies=(UNDER_VOLTAGE,)))) == [1.0]
+
+
+@pytest.mark.parametrize(
+    ("robot", "code", "lost"),
+    [
+        ("artemis", 0x3220, True),
+        ("artemis", 0x8A88, False),  # of an EPOS of the first generation it means nothing
+        ("artemis_epos4", 0x3220, True),
+        ("artemis_epos4", 0x8A88, True),
+        ("artemis_epos4", 0x8A8A, True),
+        ("artemis_epos4", 0x8A8B, True),
+        ("artemis_epos4", 0x8611, False),
+    ],
+)
+def test_codes_of_lost_power_are_those_of_each_drives_family(robot: str, code: int, lost: bool) -> None:
+    host = Host(load_model(FILES / f"{robot}.yaml", RobotFile))
+    told = host.values("EST-01", drives=drives(emergencies=(code,)))
+    assert told == ([4.0] if lost else [])
 
 
 def test_what_says_it_all_needs_no_more_words() -> None:

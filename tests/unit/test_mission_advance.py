@@ -7,8 +7,10 @@ from collections.abc import Mapping
 import pytest
 from mission_trees import Walker
 from msgspec import json
+from msgspec.structs import replace
 
-from artemis.progress import Position
+from artemis.plugins.acting import MAX_STATE_BYTES, state_text
+from artemis.progress import Acted, Position, SignalValue
 from artemis.states.advance import Place, states_in
 
 WAIT = {"wait": {"seconds": 1.0}}
@@ -46,9 +48,10 @@ def test_an_outcome_that_nobody_catches_ends_the_mission_with_it() -> None:
 
 @pytest.mark.parametrize(("outcome", "ended"), [("done", ""), ("failed", "failed")])
 def test_end_ends_the_mission_from_anywhere(outcome: str, ended: str) -> None:
-    inside = {"try": {"steps": [WAIT, {"end": {"outcome": outcome, "say": "enough"}}], "catch": {"any": [WAIT]}}}
+    end = {"choose": [{"if": "run_s > 1", "steps": [{"end": {"outcome": outcome, "say": "enough"}}]}]}
+    inside = {"try": {"steps": [ASK, end], "catch": {"any": [WAIT]}}}
     walk = Walker({"repeat": {"times": 3, "steps": [inside]}}, FOLLOW)
-    assert walk.tick(done=1.0) == "over"
+    assert walk.tick(answers=["left"], run_s=2.0) == "over"
     assert walk.position.ended == ended
     assert walk.told()[-2:] == ["said enough", f"end {outcome}"]
 
@@ -163,29 +166,77 @@ def test_an_outcome_climbs_to_the_try_that_names_it() -> None:
 # ---------------------------------------------------------------------------------------------- faults
 
 
-@pytest.mark.parametrize("name", ["fault:DRV-25", "fault", "any"])
+@pytest.mark.parametrize("name", ["fault:DRV-25", "fault"])
 def test_a_fault_ends_the_step_where_a_try_names_it(name: str) -> None:
     walk = Walker({"try": {"steps": [FOLLOW], "catch": {name: [CALIBRATE]}}})
     assert walk.tick(fault="DRV-25") == f"steps.0.try.catch.{name}.0.calibrate"
     assert "ended fault:DRV-25" in walk.told()
-    assert walk.position.fault == ""
+    assert walk.position.faults == ()
 
 
-@pytest.mark.parametrize("catch", [{"fault:DRV-25": [WAIT]}, {"timeout": [WAIT]}])
+@pytest.mark.parametrize("catch", [{"fault:DRV-25": [WAIT]}, {"timeout": [WAIT]}, {"any": [WAIT]}, {"lost": [WAIT]}])
 def test_without_one_the_step_goes_on_where_it_was_and_the_fault_is_forgotten(catch: dict[str, object]) -> None:
     walk = Walker({"try": {"steps": [{"during": {"steps": [FOLLOW], "at_most_s": 99.0}}], "catch": catch}})
     walk.tick(done=2.0)
     assert walk.tick(fault="COM-03").endswith("follow")
-    assert (walk.position.done, walk.position.fault, walk.begun) == (2.0, "", False)
+    assert (walk.position.done, walk.position.faults, walk.begun) == (2.0, (), False)
 
 
 def test_faults_are_tried_again_only_where_again_on_names_them() -> None:
-    walk = Walker({"try": {"retries": 1, "steps": [FOLLOW], "catch": {"any": [WAIT]}}})
-    assert walk.tick(fault="DRV-25").endswith("catch.any.0.wait")
+    walk = Walker({"try": {"retries": 1, "steps": [FOLLOW], "catch": {"fault": [WAIT]}}})
+    assert walk.tick(fault="DRV-25").endswith("catch.fault.0.wait")
     walk = Walker({"try": {"retries": 1, "again_on": ["fault:DRV-25"], "steps": [FOLLOW]}})
     walk.tick(done=2.0)
     assert walk.tick(fault="DRV-25").endswith("steps.0.follow")
     assert (walk.begun, walk.position.done) == (True, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("again_on", "fault", "present"),
+    [
+        (["fault:DRV-25", "lost"], "DRV-25", "catch.any.0.wait"),
+        (["fault:DRV-25", "lost"], "PTH-06", "catch.any.0.wait"),
+        (["fault:DRV-25", "lost"], "COM-03", "steps.0.follow"),
+        (["fault"], "COM-03", "catch.any.0.wait"),
+    ],
+)
+def test_any_is_the_rest_of_the_outcomes_that_the_same_try_names(again_on: list[str], fault: str, present: str) -> None:
+    walk = Walker({"try": {"retries": 1, "again_on": again_on, "steps": [FOLLOW], "catch": {"any": [WAIT]}}})
+    assert walk.tick(fault=fault).endswith("steps.0.follow")
+    assert walk.tick(fault=fault).endswith(present)
+
+
+def test_any_does_not_take_a_fault_that_only_a_try_around_names() -> None:
+    inner = {"try": {"steps": [FOLLOW], "catch": {"any": [WAIT]}}}
+    walk = Walker({"try": {"steps": [inner], "catch": {"fault": [CALIBRATE]}}})
+    assert walk.tick(fault="DRV-25") == "steps.0.try.catch.fault.0.calibrate"
+
+
+def test_the_branch_with_the_most_exact_name_is_done_wherever_it_stands() -> None:
+    catch = {"any": [ASK], "fault": [WAIT], "lost": [FOLLOW], "fault:DRV-25": [CALIBRATE]}
+    walks = [Walker({"try": {"steps": [FOLLOW], "catch": catch}}) for _ in range(4)]
+    assert walks[0].tick(fault="DRV-25").endswith("calibrate")
+    assert walks[1].tick(fault="PTH-06").endswith("catch.lost.0.follow")
+    assert walks[2].tick(fault="COM-03").endswith("wait")
+    assert walks[3].tick("blocked").endswith("ask")
+
+
+@pytest.mark.parametrize(
+    ("catch", "outcome"),
+    [
+        (("fault:COM-03",), "fault:COM-03"),
+        (("fault:COM-03", "fault:DRV-25"), "fault:DRV-25"),
+        (("lost", "fault:COM-03"), "fault:COM-03"),
+        (("lost",), "fault:PTH-06"),
+    ],
+)
+def test_of_several_faults_the_most_severe_that_a_try_names_is_the_outcome(
+    catch: tuple[str, ...], outcome: str
+) -> None:
+    walk = Walker({"try": {"steps": [FOLLOW], "catch": {name: [WAIT] for name in catch}}})
+    walk.tick(fault=("DRV-25", "COM-03", "PTH-06"))
+    assert f"ended {outcome}" in walk.told()
+    assert walk.position.faults == ()
 
 
 @pytest.mark.parametrize("branch", ["catch", "between"])
@@ -336,14 +387,39 @@ def test_a_bad_outcome_beside_ends_all_once_the_robot_stands() -> None:
 # ---------------------------------------------------------------------------------------------- the position
 
 
-def test_a_position_is_small_however_deep() -> None:
+@pytest.mark.parametrize(("words", "largest"), [(6, 300), (9, 375)])
+def test_a_position_is_small_also_deep_in_words_and_in_a_run_that_resumes_another(words: int, largest: int) -> None:
     step: Mapping[str, object] = FOLLOW
-    for _ in range(3):
+    for _ in range(words // 3):
         caught = {"try": {"retries": 3, "steps": [step], "catch": {"any": [WAIT]}}}
         step = {"during": {"at_most_s": 1e6, "steps": [{"repeat": {"times": 1000, "steps": [caught]}}]}}
-    walk = Walker(step)
+    walk = Walker(ASK, step)
+    walk.tick(answers=["right"])
     walk.tick(done=12.345678901234567, dt=1 / 3)
-    assert len(walk.position.place) <= 300
+    whole = replace(walk.position, driven=1234.5678901234567, time=98765.43210987654)
+    assert len(json.encode(whole)) <= largest
+
+
+def test_a_position_without_what_plugins_tell_is_small_although_a_behaviour_keeps_much() -> None:
+    state = state_text(("x" * (MAX_STATE_BYTES - 4),))
+    assert state is not None
+    acting = {"approach": {"until": "run_s > 99", "at_most_m": 9.0}}
+    walk = Walker({"during": {"steps": [acting], "when": [{"if": "stick.done", "steps": [WAIT]}]}})
+    walk.acted = {0: Acted(step=0, state=state, signals=(SignalValue(name="approached_m", value=1 / 3),))}
+    walk.tick()
+    walk.tick(stick__done=True)
+    assert walk.present.endswith("when.0.steps.0.wait")
+    assert dict(states_in(walk.position)) == {0: state}
+    assert len(json.encode(walk.position)) > MAX_STATE_BYTES
+    assert len(json.encode(without_plugin_data(walk.position))) <= 300
+
+
+def without_plugin_data(position: Position) -> Position:
+    """The position without the states and signals of behaviours."""
+    place = position.place
+    for _, state in states_in(position):
+        place = place.replace(json.encode(state).decode(), "")
+    return replace(position, place=place, state="", told=())
 
 
 def test_the_states_of_behaviours_are_found_wherever_they_wait() -> None:

@@ -143,7 +143,7 @@ def test_the_place_of_a_wrong_key_is_said(tmp_path: Path) -> None:
 
 
 def test_one_that_moves_needs_aligned_wheels_and_one_that_does_not_does_not(tmp_path: Path) -> None:
-    assert refused(tmp_path, APPROACH) == ["steps[0].approach: calibrate first: no step before this one does (CAL-02)"]
+    assert refused(tmp_path, APPROACH) == ["steps[0].approach: calibrate first: no step before this one does"]
     load_mission(mission(tmp_path, {"watch-gas": {}}))
 
 
@@ -185,7 +185,7 @@ def test_its_signals_can_be_asked_for_in_the_whole_mission() -> None:
     assert problems({"watch-gas": {}}, asking) == []
     assert "unknown signal 'gas_ppm'" in problems(asking)[0]
     assert problems({"watch-gas": {}}, {"nose": {}}) == [
-        "steps: nose and watch-gas both tell the signal gas_ppm: use one of them"
+        "steps: nose and watch-gas both publish the signal gas_ppm: use one of them"
     ]
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from artemis.mission.order import CALIBRATED, Order, why_not
 from artemis.plugins.contracts import Declared
+from artemis.states.outcomes import StepFacts
 from artemis.states.outline import steps_in
 
 ALIGN: Any = {"calibrate": {"steering": "from_potentiometers"}}
@@ -18,13 +19,15 @@ DRIVE: Any = {"follow": {"path": {"recorded": "shown"}}}
 SAY: Any = {"say": "x"}
 SNIFF: Any = {"sniff": {}}
 CLOSER: Any = {"closer": {}}
-BEHAVIOURS = {"sniff": Declared(outcomes=("gas",), moves=False), "closer": Declared(outcomes=("too-far",))}
+FACTS = StepFacts(
+    behaviours={"sniff": Declared(outcomes=("gas",), moves=False), "closer": Declared(outcomes=("too-far",))}
+)
 
 
 def why(*steps: dict[str, Any], fact: str = CALIBRATED) -> str:
     """Why the wheels may not be aligned at the last `follow`; empty: they are; `never`: no step before does."""
     path = [path for path, word, _ in steps_in(steps) if word == "follow"][-1]
-    if fact in Order(steps, BEHAVIOURS).before[path]:
+    if fact in Order(steps, FACTS).before[path]:
         return ""
     return why_not(steps, fact, path) or "never"
 
@@ -72,7 +75,15 @@ CHOICE: Any = {"choose": [{"if": "run_s > 1", "steps": [ALIGN]}, {"steps": [WAIT
         ([{"try": {"steps": [WAIT], "catch": {"timeout": [ALIGN]}}}, DRIVE], "calibrate only runs after timeout"),
         ([{"try": {"steps": [ALIGN, CLOSER], "catch": {"lost": [DRIVE]}}}], ""),
         ([{"try": {"steps": [ALIGN, CLOSER], "catch": {"too-far": [DRIVE]}}}], ""),
-        ([{"try": {"steps": [ALIGN, CLOSER], "catch": {"any": [DRIVE]}}}], "calibrate may be left before it is done"),
+        ([{"try": {"steps": [ALIGN, CLOSER], "catch": {"any": [DRIVE]}}}], ""),
+        (
+            [{"try": {"steps": [ALIGN, CLOSER], "retries": 1, "again_on": ["fault"], "catch": {"any": [DRIVE]}}}],
+            "calibrate may be left before it is done",
+        ),
+        (
+            [{"try": {"steps": [ALIGN, CLOSER], "catch": {"fault": [{"end": {}}], "any": [DRIVE]}}}],
+            "",
+        ),
         ([{"try": {"steps": [ALIGN, SNIFF], "catch": {"fault:DRV-25": [DRIVE]}}}], "calibrate may be left before"),
         (
             [{"try": {"steps": [WAIT], "retries": 1, "between": [ALIGN]}}, DRIVE],
@@ -121,7 +132,7 @@ def test_what_is_recorded_counts_by_its_name() -> None:
 @pytest.mark.parametrize("first", [{"repeat": {"steps": [WAIT]}}, {"end": {}}, {"stop": {}}])
 def test_of_what_is_never_reached_nothing_is_said(first: Any) -> None:  # noqa: ANN401
     steps = [first, DRIVE, {"try": {"steps": [WAIT], "catch": {"gas": [DRIVE]}}}]
-    assert not [path for path in Order(steps, BEHAVIOURS).before if path[-1] == "follow"]
+    assert not [path for path in Order(steps, FACTS).before if path[-1] == "follow"]
 
 
 @pytest.mark.parametrize(
@@ -135,4 +146,4 @@ def test_of_what_is_never_reached_nothing_is_said(first: Any) -> None:  # noqa: 
     ],
 )
 def test_what_is_no_mission_is_passed_over(steps: Any) -> None:  # noqa: ANN401
-    assert Order(steps, {}).ends["steps",]
+    assert Order(steps, StepFacts()).ends["steps",]

@@ -6,27 +6,34 @@ import random
 import re
 from collections.abc import Iterator, Mapping
 from itertools import combinations
+from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
 import pytest
-from mission_trees import Walker, built
+from mission_trees import Walker
 
+from artemis.mission.loading import load_model
 from artemis.mission.schema import Mission
-from artemis.report.mission_boxes import Box, boxes_of, is_list, name_of
+from artemis.report.mission_boxes import Box, boxes_of, is_list
 from artemis.report.mission_chart import chart
 from artemis.report.mission_mermaid import mermaid_of
+from artemis.states.step_names import name_of
 from artemis.states.whereabouts import counts
+from artemis.vehicle import RobotFile
 
+ROBOTS = Path(__file__).parents[2] / "missions/robots"
 WAIT = {"wait": {"seconds": 1.0}}
 LIMITED = {"wait": {"for": "run_s > 9", "at_most_s": 4}}
 SVG = "{http://www.w3.org/2000/svg}"
 
 
-def boxes(*steps: Mapping[str, Any]) -> Box:
+def boxes(*steps: Mapping[str, Any], robot: str = "") -> Box:
+    """The picture of these steps; of a robot that comes with artemis, or of one that has everything."""
     inputs = {"stick": {"plugin": "keyboard"}}
     mission = {"mission": "m", "robot": "r.yaml", "bus": "simulation", "inputs": inputs, "steps": list(steps)}
-    return boxes_of(Mission.model_validate(mission).model_dump(mode="json", by_alias=True))
+    known = load_model(ROBOTS / f"{robot}.yaml", RobotFile) if robot else None
+    return boxes_of(Mission.model_validate(mission).model_dump(mode="json", by_alias=True), known)
 
 
 def lines(*steps: Mapping[str, Any]) -> list[str]:
@@ -97,6 +104,30 @@ def test_a_word_is_a_composite_state_and_an_outcome_an_arrow() -> None:
         "[*] --> s1",
         "s1 --> [*]",
     ]
+
+
+def test_an_outcome_that_no_try_catches_is_an_arrow_to_the_failed_mission() -> None:
+    follow = {"follow": {"path": "a.csv", "follower": {}}}
+    approach = {"approach": {"until": "run_s > 9", "at_most_m": 2}}
+    goto = {"goto": {"map": "m.yaml", "to": "gate"}}
+
+    def failing(*steps: dict[str, Any], robot: str = "") -> list[str]:
+        return [arrow.label for arrow in boxes(*steps, robot=robot).arrows]
+
+    assert failing(follow) == ["blocked", "battery-short"]
+    assert failing(follow, robot="artemis") == []
+    assert failing(follow, robot="artemis_lms100") == ["blocked"]
+    assert failing(follow, robot="artemis_battery") == ["battery-short"]
+    assert failing(goto) == ["blocked", "no-path", "battery-short"]
+    assert failing(approach, robot="artemis") == ["too-far"]
+    attempt = {"steps": [approach], "retries": 1, "again_on": ["fault:DRV-25", "lost"], "catch": {"too-far": [WAIT]}}
+    assert failing({"try": attempt}, robot="artemis") == ["fault:DRV-25", "lost"]
+    outer = {"try": {"steps": [{"try": attempt}], "catch": {"any": [WAIT]}}}
+    assert failing(outer, robot="artemis") == ["fault:DRV-25", "lost"], "this try does not name them"
+    attempt["catch"] = {"any": [WAIT]}
+    assert failing({"try": attempt}, robot="artemis") == []
+    told = lines(approach)
+    assert "s1 --> failed_s2: too-far" in told
 
 
 def test_watchers_and_regions() -> None:
@@ -218,6 +249,12 @@ def test_the_drawing_needs_no_network_and_says_what_ran() -> None:
         ({"calibrate": {"steering": None, "gains": {}}}, "calibrate gains"),
         ({"dock": {"timeout_s": 3, "at": "charger"}}, "dock charger"),
         ({"stop": {}}, "stop"),
+        ({"ask": {"question": "which way?", "answers": ["left"]}}, "ask which way?"),
+        (
+            {"teleop": {"inputs": ["stick", "keys"], "input": None, "record": "shown"}},
+            "teleop stick, keys, record shown",
+        ),
+        ({"goto": {"to": {"x_m": 1.0, "y_m": -2.5, "heading_deg": 90.0}}}, "goto x 1 m, y -2.5 m, 90 degrees"),
         ({"repeat": {"steps": [], "until": "round > 3", "times": 5}}, "repeat until round > 3, 5 times at most"),
         ({"repeat": {"steps": []}}, "repeat for ever"),
         ({"end": {"outcome": "failed", "say": "why"}}, "end failed: “why”"),
@@ -243,13 +280,13 @@ def test_rounds_and_attempts_around_the_present_step() -> None:
     watched = {"during": {"steps": [{"try": attempt}], "when": [{"if": "stick.done", "steps": [WAIT]}]}}
     choice = {"choose": [{"steps": [{"together": {"steps": [{"repeat": {"steps": [WAIT]}}], "beside": [WAIT]}}]}]}
     steps = ({"repeat": {"times": 2, "steps": [watched]}}, choice)
-    tree, walk = built(*steps).tree, Walker(*steps)
-    told = [counts(tree, walk.position)]
+    walk = Walker(*steps)
+    told = [counts(steps, walk.position)]
     for tick in ("timeout", "done", "timeout", "done", "timeout", "done", "done"):
         walk.tick(tick)
-        told.append(counts(tree, walk.position))
+        told.append(counts(steps, walk.position))
     walk.tick(stick__done=True)
-    told.append(counts(tree, walk.position))
+    told.append(counts(steps, walk.position))
     one = "round 1/2"
     assert told[:6] == [[one], [one, "attempt 2/3"], [one, "attempt 2/3"], *[[one, "attempt 3/3"]] * 2, [one]]
     assert told[6] == ["round 2/2"]

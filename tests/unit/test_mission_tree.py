@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from mission_trees import built, problems
+from mission_trees import built, checked, problems
 
 from artemis.errors import ConfigError
 from artemis.mission.loading import load_mission
@@ -101,15 +101,90 @@ def test_words_that_fit_are_accepted(step: dict[str, Any]) -> None:
 
 def test_a_battery_that_nobody_measures_is_refused() -> None:
     assert problems({"wait": {"for": "battery_v > 1"}}) == []
-    assert problems({"wait": {"for": "battery_v > 1"}}, measured=False) == [
+    assert problems({"wait": {"for": "battery_v > 1"}}, measures_supply=False) == [
         "steps[0].wait.for: battery_v: no drive of this robot measures the supply voltage: name an analog input that "
         "does (`battery.measured` of the robot file), or use a time, such as run_s > 3600"
     ]
 
 
-def test_a_repeat_that_only_a_person_ends_is_a_remark() -> None:
-    assert built({"repeat": {"steps": [WAIT]}}).remarks == ["steps[0].repeat: repeats for ever; only a person ends it"]
-    assert built({"repeat": {"steps": [ASK]}}).remarks == []
+FOR_EVER = ["steps[0].repeat: repeats for ever; only a person ends it"]
+
+
+@pytest.mark.parametrize(
+    ("step", "facts", "ends"),
+    [
+        (WAIT, {}, False),
+        (ASK, {}, True),
+        (FOLLOW, {}, True),
+        (FOLLOW, {"has_scanner": False}, True),
+        (FOLLOW, {"has_battery": False}, True),
+        (FOLLOW, {"has_scanner": False, "has_battery": False}, False),
+        (FOLLOW, {"has_scanner": False, "measures_supply": False}, False),
+        ({"goto": {"map": "m.yaml", "to": "gate"}}, {"has_scanner": False, "has_battery": False}, True),
+        (
+            {"goto": {"map": "m.yaml", "to": {"from_input": "stick"}}},
+            {"has_scanner": False, "has_battery": False},
+            False,
+        ),
+        ({"approach": {"until": "driven_m > 1", "at_most_m": 2}}, {"has_scanner": False, "has_battery": False}, True),
+    ],
+)
+def test_a_repeat_that_only_a_person_ends_is_a_remark(step: Any, facts: dict[str, bool], ends: bool) -> None:  # noqa: ANN401
+    assert checked({"repeat": {"steps": [step]}}, **facts).remarks == ([] if ends else FOR_EVER)
+
+
+@pytest.mark.parametrize("steps", [[{"end": {}}], [{"wait": {"for": "stick.record", "at_most_s": 3}}]])
+def test_a_repeat_that_the_steps_of_a_watcher_leave_is_none(steps: list[Any]) -> None:
+    during = {"steps": [ENDLESS], "when": [{"if": "stick.done", "steps": steps}]}
+    assert checked({"during": during}).remarks == []
+    assert checked({"during": {**during, "when": [{"if": "stick.done", "steps": [WAIT]}]}}).remarks != []
+
+
+@pytest.mark.parametrize(
+    ("catch", "fact", "why"),
+    [
+        ("blocked", "has_scanner", "the robot has no scanner"),
+        ("battery-short", "has_battery", "the robot file describes no `battery`"),
+        ("battery-short", "measures_supply", "no drive of this robot measures the supply voltage"),
+    ],
+)
+def test_an_outcome_that_this_robot_does_not_have_is_refused_with_the_reason(catch: str, fact: str, why: str) -> None:
+    attempt = {"try": {"steps": [FOLLOW], "catch": {catch: [SAY]}}}
+    assert problems(attempt) == []
+    (problem,) = problems(attempt, **{fact: False})
+    assert problem.startswith(f"steps[0].try.catch.{catch}: no step within ends with {catch}: {why}")
+
+
+def test_an_outcome_that_the_step_does_not_have_as_it_is_written_is_refused_with_the_reason() -> None:
+    asked = {"goto": {"map": "m.yaml", "to": {"from_input": "stick"}}}
+    (problem,) = problems({"try": {"steps": [asked], "catch": {"no-path": [SAY]}}})
+    assert problem.endswith("ends with no-path: its goals come from an input, and it waits for another one")
+    (problem,) = problems({"try": {"steps": [{"wait": {"for": "stick.done"}}], "catch": {"timeout": [SAY]}}})
+    assert problem.endswith("ends with timeout: only `at_most_s` of `wait: {for: ...}` or `ask` ends a step so")
+
+
+def test_any_for_which_nothing_is_left_is_a_remark() -> None:
+    nothing = "no step within ends with an outcome that is left for it; faults, only where a key names them"
+    remarks = [f"steps[0].try.catch.any: {nothing}"]
+    facts = {"has_scanner": False, "has_battery": False}
+    steps = {"steps": [FOLLOW], "catch": {"any": [SAY]}}
+    assert checked({"try": steps}, **facts).remarks == remarks
+    assert checked({"try": steps}).remarks == []
+    assert checked({"try": {**steps, "retries": 1, "again_on": ["fault:DRV-25"]}}, **facts).remarks == []
+    assert checked({"try": {**steps, "retries": 1, "again_on": ["lost"]}}, **facts).remarks == []
+    caught = {"steps": [ASK], "catch": {"timeout": [SAY], "any": [SAY]}}
+    assert checked({"try": caught}).remarks == remarks
+    assert checked({"try": {"steps": [FOLLOW], "catch": {"fault": [SAY], "any": [SAY]}}}, **facts).remarks == remarks
+
+
+@pytest.mark.parametrize(
+    ("one", "other"), [("run_s > 3", "(run_s > 3)"), ("run_s > 3 and stick.done", "(run_s>3.0) and (stick.done)")]
+)
+def test_conditions_that_are_written_in_different_ways_are_the_same(one: str, other: str) -> None:
+    when = [{"if": one, "then": "a"}, {"if": other, "then": "b"}]
+    assert problems({"during": {"steps": [WAIT], "when": when}}) == [
+        "steps[0].during.when[1].if: the same condition as a watcher above: this one is never asked"
+    ]
 
 
 @pytest.mark.parametrize(
@@ -133,12 +208,12 @@ def test_a_condition_that_lapses_as_time_goes_on_is_a_remark(condition: str, end
     wait = {"for": condition}
     words = "does not hold any more once run_s or driven_m has grown, and then only a person ends the step: add"
     remarks = [] if ends else [f"steps[0].wait.for: {words} at_most_s"]
-    assert built({"wait": wait}).remarks == remarks
-    assert built({"wait": {**wait, "at_most_s": 5}}).remarks == []
+    assert checked({"wait": wait}).remarks == remarks
+    assert checked({"wait": {**wait, "at_most_s": 5}}).remarks == []
     until = {"until": condition, "steps": [WAIT]}
-    assert built({"repeat": until}).remarks == ([] if ends else [f"steps[0].repeat.until: {words} times"])
-    assert built({"during": {"steps": [{"wait": wait}], "at_most_s": 5}}).remarks == []
-    assert built({"together": {"steps": [WAIT], "beside": [{"wait": wait}, ENDLESS]}}).remarks == []
+    assert checked({"repeat": until}).remarks == ([] if ends else [f"steps[0].repeat.until: {words} times"])
+    assert checked({"during": {"steps": [{"wait": wait}], "at_most_s": 5}}).remarks == []
+    assert checked({"together": {"steps": [WAIT], "beside": [{"wait": wait}, ENDLESS]}}).remarks == []
 
 
 def test_the_numbers_of_steps_are_those_of_their_order_in_the_file_for_every_reader() -> None:
@@ -229,7 +304,7 @@ def test_parts_that_double_each_other_do_not_fill_the_memory(tmp_path: Path) -> 
             "{try: {steps: [{say: x}], catch: {any: [{say: x}]}, between: [{say: x}]}}",
             "again_on and between belong to retries",
         ),
-        ("{try: {steps: [{say: x}], on: {any: []}}}", "try.on: unknown key"),
+        ("{try: {steps: [{say: x}], on: {any: []}}}", "try.on: unknown key; did you mean catch? (readers of YAML 1.1"),
         ("{during: {steps: [{say: x}]}}", "neither at_most_s nor when"),
         ("{during: {steps: [{say: x}], when: [{if: run_s > 1}]}}", "neither steps nor then"),
         ("{ask: {question: a, answers: [b, b]}}", "two answers are the same"),
@@ -244,3 +319,54 @@ def test_parts_that_double_each_other_do_not_fill_the_memory(tmp_path: Path) -> 
 )
 def test_what_a_word_cannot_take_is_refused(tmp_path: Path, step: str, problem: str) -> None:
     assert problem in refused(tmp_path, f"steps: [{step}]\n")
+
+
+@pytest.mark.parametrize(
+    ("steps", "told"),
+    [
+        ("{repeet: {steps: [{say: x}]}}", "unknown key; did you mean repeat?"),
+        (
+            "{repeat: {steps: [{wait: {seconds: 1}}], tims: 3}}",
+            "steps[1].repeat.tims: unknown key; did you mean times?",
+        ),
+        ("{wait: {secnds: 1}}", "did you mean seconds?"),
+        ("{call: nowhere}", "no such part"),
+    ],
+)
+def test_what_is_wrong_with_a_step_does_not_hide_what_is_wrong_with_others(
+    tmp_path: Path, steps: str, told: str
+) -> None:
+    others = (
+        '{try: {steps: [{wait: {seconds: 1}}], retries: 1, again_on: ["fault:DRV-255", nothing]}}',
+        "{wait: {for: run_s >> 1}}",
+        "{choose: [{steps: [{say: a}]}, {if: run_s > 1, steps: [{say: b}]}]}",
+        "{during: {steps: [{wait: {seconds: 1}}], when: [{if: run_s > 1, then: a}, {if: (run_s > 1), then: b}]}}",
+        "{repeat: {times: 2, steps: [{say: x}]}}",
+    )
+    found = refused(tmp_path, f"steps: [{{wait: {{seconds: 1}}}}, {steps}, {', '.join(others)}]\n")
+    assert told in found
+    for problem in (
+        "steps[2].try.again_on[0]: no fault DRV-255; did you mean DRV-25?",
+        "steps[2].try.again_on[1]: no step within ends with nothing",
+        "steps[3].wait.for: run_s is a number, compared with >",
+        "steps[4].choose[0]: without `if` it always holds",
+        "steps[5].during.when[1].if: the same condition",
+        "steps[6].repeat: no time passes",
+    ):
+        assert problem in found, found
+
+
+def test_of_what_depends_on_a_step_that_cannot_be_read_nothing_is_said(tmp_path: Path) -> None:
+    steps = (
+        "{try: {steps: [{smel: {}}], catch: {gas: [{say: gas}]}}}",
+        "{repeat: {times: 2, steps: [{wate: {seconds: 1}}]}}",
+        "{wait: {for: gas_ppm > 1}}",
+        "{wait: {for: answer == 'a'}}",
+        "{repeat: {times: 2, steps: [{call: nowhere}]}}",
+    )
+    found = refused(tmp_path, f"steps: [{', '.join(steps)}]\n")
+    assert [line.partition("steps")[2].partition(":")[0] for line in found.splitlines()] == [
+        "[0].try.steps[0].smel",
+        "[1].repeat.steps[0].wate",
+        "[4].repeat.steps[0].call",
+    ]

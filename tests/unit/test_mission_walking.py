@@ -36,18 +36,23 @@ def loaded(mission: Path, steps: str) -> LoadedMission:
 def test_walk_tells_which_steps_ran_what_happened_and_how_it_ended() -> None:
     made = walk(MISSIONS / "retry_after_fault.yaml", "done", "fault:DRV-25", "done", "lost", "done", "fault:DRV-25")
     follow = "follow paths/loop_left.csv"
-    assert made.steps == ["calibrate", follow, "calibrate", follow, "calibrate", follow]
+    assert made.steps == ["calibrate steering", follow] * 3
     assert made.places[2] == "steps[1].try.between[1].calibrate"
     assert "retry 1 of 2 after fault:DRV-25" in made.events
     assert made.said == ["aligning the wheels again"] * 2 + ["three times is enough"]
     assert (made.ended, made.at) == ("failed", "")
 
 
+def test_any_is_not_for_a_fault_that_the_try_does_not_name() -> None:
+    made = walk(MISSIONS / "retry_after_fault.yaml", "done", "fault:COM-03")
+    assert (made.at, made.ended, made.said, made.events[1:]) == ("follow paths/loop_left.csv", "", [], [])
+
+
 def test_walk_that_is_not_over_tells_where_it_is() -> None:
     made = walk(MISSIONS / "patrol.yaml", "done", {"battery_v": 23.0}, "done")
     assert (made.at, made.ended) == ("wait for battery_v > 25.0", "")
     assert made.said == ["battery low, to the charger"]
-    assert walk(MISSIONS / "patrol.yaml").at == "calibrate"
+    assert walk(MISSIONS / "patrol.yaml").at == "calibrate steering"
 
 
 def test_signal_lasts_until_it_changes_and_a_press_for_one_tick() -> None:
@@ -69,9 +74,35 @@ def test_answers_timeouts_and_seconds(mission: Path) -> None:
     assert walk(found, "left", "left", "left", "done", "timeout").ended == "timeout"
 
 
+def test_a_moving_behaviour_may_be_lost(mission: Path) -> None:
+    approach = "approach: {until: driven_m > 1, at_most_m: 2}"
+    found = loaded(
+        mission,
+        f"  - calibrate: {{steering: from_potentiometers}}\n"
+        f"  - try: {{steps: [{{{approach}}}], catch: {{lost: [{{say: lost}}], too-far: [{{say: far}}]}}}}\n",
+    )
+    for happening in ("lost", "fault:LOC-01"):
+        made = walk(found, "done", happening)
+        assert (made.said, made.ended) == (["lost"], "done")
+    assert walk(found, "done", "too-far").said == ["far"]
+    assert walk(found, "done", "fault:DRV-25").at == "approach driven_m > 1"
+    assert walk(found, "done", {"driven_m": 1.5}).ended == "done"
+
+
+def test_a_step_that_calibrates_is_finished_before_the_steps_of_a_watcher(mission: Path) -> None:
+    steps = "[{calibrate: {steering: from_potentiometers}}, {wait: {seconds: 9}}]"
+    watch = "{if: driven_m > 1, steps: [{say: far}, {wait: {seconds: 1}}]}"
+    found = loaded(mission, f"  - during: {{steps: {steps}, when: [{watch}]}}\n")
+    made = walk(found, {"driven_m": 2.0}, 5.0)
+    assert (made.at, made.said) == ("calibrate steering", [])
+    made = walk(found, {"driven_m": 2.0}, "done", 0.1)
+    assert (made.steps, made.said) == (["calibrate steering", "wait 9 s", "wait 1 s"], ["far"])
+    assert walk(found, {"driven_m": 2.0}, "fault:DRV-25").at == "calibrate steering"
+
+
 def test_mission_that_is_a_list_is_walked_too() -> None:
     made = walk(MISSIONS / "figure_eight.yaml", "done", "fault:DRV-25", "done")
-    assert (made.steps, made.ended) == (["calibrate", "follow paths/figure_eight.csv"], "done")
+    assert (made.steps, made.ended) == (["calibrate steering", "follow paths/figure_eight.csv"], "done")
 
 
 @pytest.mark.parametrize(
@@ -83,6 +114,8 @@ def test_mission_that_is_a_list_is_walked_too() -> None:
         ),
         ("done", "the step 'ask which?' does not end so"),
         ("lost", "does not end so"),
+        ("fault", "does not end so"),
+        ("blocked", "does not end so"),
         ("fault:DRV-2x", "no fault 'DRV-2x' in the fault table; nearest is 'DRV-"),
         ({"battery": 3.0}, "unknown signal 'battery'; nearest is 'battery_v'"),
         ({"battery_v": True}, "battery_v is a number"),

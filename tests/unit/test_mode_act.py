@@ -5,13 +5,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import pytest
-from core_builders import ROBOT, Player, fault_of, powered, shared, snapshot
+from core_builders import ROBOT, Player, fault_of, shared, snapshot
 from msgspec.structs import replace
 
 from artemis.config import Config
+from artemis.drive_states import Goal
 from artemis.plugins.contracts import Acting, Declared, State
 from artemis.progress import Acted, SignalValue
 from artemis.states.act import ActMode, Observing
@@ -19,6 +21,7 @@ from artemis.states.condition import Compare
 from artemis.states.plan import BehaviourStep, Plan, Shared, Step, WaitStep
 from artemis.states.ready import ReadyMode
 from artemis.states.tree import Leaf, Steps, Together, tree_of
+from artemis.supervision import catalogue
 from artemis.values import DriveCommand, Event, Odometry, SetPoints, Snapshot, Wish
 
 DECLARED = Declared(outcomes=("stuck",), resumable=True, signals={"gas_ppm": "ppm"})
@@ -65,7 +68,7 @@ MOVING: dict[str, Any] = {"standing": False}
 def test_it_does_what_the_behaviour_says_and_keeps_what_it_told() -> None:
     player, behaviour, steps = act()
     wish = player.tick()
-    assert (wish.command, wish.phase, powered(wish)) == (COMMAND, "at it", True)
+    assert (wish.command, wish.phase, wish.traction, wish.steering) == (COMMAND, "at it", Goal.ENABLED, Goal.ENABLED)
     assert wish.acted == (Acted(step=0, state="[1]"),)
     assert (behaviour.starts, behaviour.steps, steps.position.state) == ([None], 1, "[1]")
     player.tick()
@@ -144,8 +147,37 @@ def test_one_that_raises_is_a_fault_and_the_robot_stands() -> None:
     player, _, _ = act(raising)
     wish = player.tick(set_points=SetPoints(speed=0.3, steering=0.2))
     assert fault_of(wish) == ("PLG-02", "stub")
-    assert "in the plugin" in str(wish.fault)
+    assert wish.fault is not None
+    assert wish.fault.text.endswith("(ZeroDivisionError('in the plugin'))")
     assert wish.command == DriveCommand(steering=0.2)
+
+
+def test_one_that_raises_after_its_start_is_told_without_it() -> None:
+    player, behaviour, _ = act()
+    player.tick()
+    behaviour.answer = raising
+    wish = player.tick()
+    assert wish.fault is not None
+    assert wish.fault.text.endswith("(ZeroDivisionError('in the plugin'))")
+
+
+def test_an_answer_that_cannot_be_read_is_told_without_the_start() -> None:
+    class Unreadable(Acting, frozen=True):
+        def __getattribute__(self, name: str) -> Any:
+            if name == "outcome":
+                raise ZeroDivisionError("in the answer")
+            return super().__getattribute__(name)
+
+    player, _, _ = act(lambda: Unreadable())
+    wish = player.tick()
+    assert wish.fault is not None
+    assert wish.fault.text.endswith("(ZeroDivisionError('in the answer'))")
+
+
+def test_a_step_of_another_kind_is_over_for_it() -> None:
+    player = Player(ActMode(shared(WaitStep(seconds=1.0))))
+    wish = player.tick(set_points=SetPoints(steering=0.2))
+    assert (wish.event, wish.command) == (Event.DONE, DriveCommand(steering=0.2))
 
 
 def test_one_that_raises_at_its_start_is_started_again_before_it_is_asked() -> None:
@@ -260,6 +292,45 @@ def test_one_beside_goes_on_from_its_state_in_another_run() -> None:
     second.tick()
     second.tick()
     assert behaviour.starts == [("seen",)]
+
+
+@dataclass
+class Running:
+    """What observers see of a run: which steps run beside the present one, by number, with their states."""
+
+    beside: dict[int, str]
+    plan: Plan
+
+
+def test_one_beside_is_started_where_it_begins_or_was_not_running() -> None:
+    behaviour = StubBehaviour(observing())
+    plan = Plan(robot=ROBOT, steps=(WaitStep(seconds=9.0), step_of(behaviour, replace(DECLARED, moves=False))))
+    run = Running({0: "", 1: ""}, plan)
+    others = Observing(run)  # type: ignore[arg-type]
+    starts = []
+    for beside in (
+        {0: "", 1: ""},
+        {1: '["seen"]'},
+        {1: ""},
+        {1: "[2]"},
+        {},
+        {1: "[3]"},
+        {0: ""},
+        {1: "[4]"},
+        {1: "[5]"},
+    ):
+        run.beside = beside
+        wish = others.ask(snapshot(), Wish())
+        assert wish.fault is None
+        assert [acted.step for acted in wish.acted] == [1] * (1 in beside)
+        starts.append(len(behaviour.starts))
+    assert starts == [1, 1, 2, 2, 2, 3, 3, 4, 4]
+    earlier = Acted(step=0, outcome="done", state="", signals=())
+    assert [acted.step for acted in others.ask(snapshot(), Wish(acted=(earlier,))).acted] == [0, 1]
+    behaviour.answer = raising
+    other = catalogue.fault("RUN-08")
+    assert others.ask(snapshot(), Wish(fault=other)).fault is other
+    assert behaviour.starts == [None, None, (3,), (4,)]
 
 
 @pytest.mark.parametrize(("answer", "id"), [(raising, "PLG-02"), (lambda: Acting(command=COMMAND), "PLG-06")])

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from core_builders import (
     PATH,
+    PERIOD,
     ROUTE,
     Player,
     StubFollower,
@@ -22,11 +23,20 @@ from core_builders import (
 )
 from msgspec.structs import replace
 
+from artemis.battery import BatteryState
 from artemis.motion.path import Path
 from artemis.plugins.contracts import Following
-from artemis.states.follow import CONTRADICTED, FollowMode
+from artemis.states.follow import CERTAIN, CONTRADICTED, FollowMode
 from artemis.states.plan import FollowStep, Shared
-from artemis.values import DriveCommand, Event, LocatedPose, Odometry, SetPoints, Snapshot, Wish
+from artemis.values import (
+    DriveCommand,
+    Event,
+    LocatedPose,
+    Odometry,
+    SetPoints,
+    Snapshot,
+    Wish,
+)
 
 
 def follow(answer: Callable[[], Any] | None = None, **options: Any) -> tuple[Player, StubFollower, Shared]:
@@ -338,3 +348,43 @@ def test_a_path_that_is_too_far_away_to_begin_counts_as_no_progress() -> None:
     player, _, steps = follow(lambda: following(arc_length=0.75, cross_track=1.5))
     player.tick()
     assert steps.position.done == 0.0
+
+
+# ------------------------------------------------------------------------------------------------ the battery
+
+
+def reaching(metres: float, std: float = 0.5) -> BatteryState:
+    return BatteryState(volts=24.0, charge=0.5, charge_std=0.1, watts=50.0, range_m=metres, range_std_m=std)
+
+
+def test_battery_that_does_not_reach_any_more_ends_the_step_once_the_robot_stands() -> None:
+    player, _, _ = follow()
+    left = following().tracking.length - following().tracking.arc_length
+    assert player.tick(battery=reaching(left + 0.1)).command.speed > 0.0
+    for _ in range(round(CERTAIN / PERIOD)):
+        assert player.tick(battery=reaching(left - 1.0)).command.speed > 0.0
+    player.tick(battery=reaching(left - 1.0))
+    moving = player.tick(battery=reaching(left - 1.0), standing=False, set_points=SetPoints(steering=0.2))
+    assert (moving.command, moving.outcome) == (DriveCommand(steering=0.2), "")
+    assert moving.phase.endswith(f"m to drive, the battery reaches {left - 1.0:.0f} m")
+    ended = player.tick(battery=reaching(left + 5.0))
+    assert (ended.outcome, ended.event, ended.fault) == ("battery-short", Event.DONE, None)
+
+
+@pytest.mark.parametrize(("metres", "std", "every"), [(-0.4, 0.5, 1), (-2.0, 0.5, 200)])
+def test_noise_of_the_estimate_ends_nothing(metres: float, std: float, every: int) -> None:
+    """Short by less than its standard deviation, or by much for a while."""
+    player, _, _ = follow()
+    left = following().tracking.length - following().tracking.arc_length
+    for number in range(1500):
+        lacks = every == 1 or number % every
+        battery = reaching(left + (metres if lacks and number else 1.0), std)
+        assert player.tick(battery=battery).command.speed > 0.0
+
+
+def test_a_path_is_begun_only_where_the_battery_reaches_all_that_is_certain_to_follow() -> None:
+    step = FollowStep(route=ROUTE, follower=StubFollower())
+    player = Player(FollowMode(shared(step, step)))
+    player.world["battery"] = reaching(1.5 * ROUTE.length)
+    player.enter()
+    assert player.tick().phase == "8 m to drive, the battery reaches 6 m"

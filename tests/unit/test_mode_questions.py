@@ -6,13 +6,15 @@ import pytest
 from core_builders import NAMES, PERIOD, Player, shared, snapshot
 from msgspec.structs import replace
 
-from artemis.progress import Position
+from artemis.battery import BatteryState
+from artemis.progress import MEASURED, Position
 from artemis.states.condition import Compare
 from artemis.states.mode import PATIENCE
 from artemis.states.plan import AskStep, Plan, Shared, TeleopStep, WaitStep, with_behaviours, with_followers
 from artemis.states.ready import ReadyMode
 from artemis.states.teleop import TeleopMode
 from artemis.states.tree import End, Leaf, Say, Steps, Try, tree_of
+from artemis.supervision import catalogue
 from artemis.values import Event, Odometry, OperatorInput, Request, Wish
 
 ASK = AskStep(question="which way?", answers=("left", "right"))
@@ -45,7 +47,7 @@ def test_nobody_there_ends_the_run_at_once_and_nobody_who_answers_after_a_while(
     player, _ = asking(attended=False)
     wish = player.tick()
     assert (wish.event, wish.failed, wish.fault) == (Event.END, True, None)
-    assert wish.phase == "nobody can answer: which way? (1 left, 2 right)"
+    assert wish.phase == "no operator can answer: which way? (1 left, 2 right)"
     player, _ = asking()
     player.tick()
     player.time += PATIENCE - PERIOD
@@ -119,21 +121,35 @@ def in_a_try(*catch: str, again_on: tuple[str, ...] | None = None, retries: int 
 
 
 @pytest.mark.parametrize(
-    ("steps", "keeps"),
+    ("steps", "kept"),
     [
-        (in_a_try("fault"), True),
-        (in_a_try("fault:DRV-25"), True),
-        (in_a_try("any"), True),
-        (in_a_try("lost"), True),
-        (in_a_try(again_on=("fault",), retries=1), True),
-        (in_a_try("timeout"), False),
-        (shared(WaitStep(seconds=1.0)), False),
+        (in_a_try("fault"), ("DRV-25", "COM-03", "PTH-06")),
+        (in_a_try("fault:DRV-25"), ("DRV-25",)),
+        (in_a_try("fault:COM-03", "fault:DRV-25"), ("DRV-25", "COM-03")),
+        (in_a_try("any"), ()),
+        (in_a_try("lost"), ("PTH-06",)),
+        (in_a_try(again_on=("fault",), retries=1), ("DRV-25", "COM-03", "PTH-06")),
+        (in_a_try("timeout"), ()),
+        (shared(WaitStep(seconds=1.0)), ()),
     ],
 )
-def test_a_fault_is_kept_for_a_mission_that_may_catch_one_and_the_first_counts(steps: Shared, keeps: bool) -> None:
-    steps.note_fault("DRV-25")
-    steps.note_fault("COM-03")
-    assert steps.position.fault == ("DRV-25" if keeps else "")
+def test_faults_are_kept_for_a_mission_that_names_them_the_most_severe_first(
+    steps: Shared, kept: tuple[str, ...]
+) -> None:
+    later, first, worst = (catalogue.fault(id) for id in ("COM-03", "PTH-06", "DRV-25"))
+    steps.note_faults([first])
+    steps.note_faults([worst, first])
+    steps.note_faults([later])  # the others were acknowledged
+    assert steps.position.faults == kept
+
+
+@pytest.mark.parametrize("name", MEASURED)
+def test_every_tick_tells_the_signals_that_missions_may_ask_for(name: str) -> None:
+    steps = shared(WaitStep(condition=Compare(name, ">=", 0.0)))
+    battery = BatteryState(volts=24.0, charge=0.5, charge_std=0.1, watts=9.0)
+    seen = replace(snapshot(1.0, battery_v=24.0), battery=battery)
+    steps.advance(Wish(), seen, standing=True)
+    assert steps.position.step == 1
 
 
 def test_a_mission_that_is_over_stays_so() -> None:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import math
 import os
+import signal
 import socket
 import subprocess
 from collections.abc import Callable, Mapping
@@ -16,11 +18,11 @@ import msgspec
 import pytest
 from link_rig import DRIVING, NEUTRAL, ROBOT, SECRET, Net, driving
 from msgspec.structs import replace
-from ports import free_port
 
 from artemis import clock
+from artemis.bridges import child_process
 from artemis.bridges.child_process import ChildProcess
-from artemis.bridges.operator import frames
+from artemis.bridges.operator import frames, link_process
 from artemis.bridges.operator.link_process import _ENCODER, LinkProcess
 from artemis.bridges.operator.operator_end import RefusedLink
 from artemis.bridges.operator.pairing import write_secret
@@ -40,10 +42,13 @@ from artemis.plugins.stated import stale_limit
 from artemis.testing.contracts import InputContract
 from artemis.testing.observers import ObserverContract
 from artemis.values import OperatorInput, Request
+from artemis_lab.bench.ports import free_port
 
 TICKS = list(ObserverContract().ticks())
 MISSIONS = Path(__file__).parents[2] / "missions"
 PATIENCE = 20.0
+BACK = 2.0
+"""So long after it was killed operators are let in again at the latest [s]."""
 """For anything on a busy computer [s]."""
 
 
@@ -297,18 +302,20 @@ def test_a_quick_stop_that_was_heard_outlives_the_link_s_process(monkeypatch: py
         net.input.read(net.now)
 
 
-def test_the_last_reports_of_a_process_are_taken_before_its_end() -> None:
+def test_the_last_reports_of_a_process_are_taken_before_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(child_process, "SOONEST", 1000.0)
     link = LinkProcess.__new__(LinkProcess)
-    link._loop, link._process = None, ChildProcess(["-c", "raise SystemExit('no room')"], [])
+    link._loop, link._process, link._last = None, ChildProcess(["-c", "raise SystemExit('no room')"], []), LinkReport()
+    link._restarts = child_process.Restarts()
     assert link._process.wait(PATIENCE)
     link._ours, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    with link._ours:
-        link._ours.setblocking(False)
-        with its:
-            its.send(_ENCODER.encode(LinkReport(requests=[Request.QUICKSTOP])))
-        assert [report.requests for report in link.take()] == [[Request.QUICKSTOP]]
-        with pytest.raises(DeviceLost, match="its process has ended: ended with status 1: no room"):
-            link.take()
+    link._ours.setblocking(False)
+    with its:
+        its.send(_ENCODER.encode(LinkReport(requests=[Request.QUICKSTOP])))
+    reports = link.take()
+    assert [report.requests for report in reports] == [[Request.QUICKSTOP], [], []]
+    assert reports[-1].problems == [("NET-13", "the link's process: ended with status 1: no room; it is started again")]
+    assert link.take() == [], "it had worked: the next one is begun soon"
 
 
 # ------------------------------------------------------------------------------------------ its process
@@ -389,21 +396,85 @@ def test_a_robot_with_another_certificate_or_without_one_is_refused(folder: Path
 
 
 @pytest.mark.realtime
-def test_a_process_that_dies_is_a_lost_input(folder: Path) -> None:
-    met: list[object] = []
+def test_a_process_that_is_killed_is_back_on_the_same_port_and_sessions_begin_anew(folder: Path) -> None:
+    met_with: list[object] = []
+    port = free_port()
 
     async def die() -> None:
-        asyncio.get_running_loop().set_exception_handler(lambda loop, context: met.append(context))
-        device = make(folder)
-        device.read(0.0)
-        device._port._process.end()  # type: ignore[union-attr]
+        loop = asyncio.get_running_loop()
+        loop.set_exception_handler(lambda loop, context: met_with.append(context))
+        device = make(folder, port=port)
+        link = device._port
+        assert isinstance(link, LinkProcess)
         try:
-            with pytest.raises(DeviceLost, match="its process has ended: killed by SIGKILL"):
+            for _ in range(3):
+                protocol = await met(port)
+
+                def driven() -> bool:
+                    protocol.end.command(NEUTRAL, loop.time())  # noqa: B023 (called here)
+                    protocol.flush()  # noqa: B023
+                    return device._report.seat == "held" and device._arrived is not None
+
+                await see(driven, device)
+                device.take_problems()
+                os.kill(link._process.pid, signal.SIGKILL)
+                killed = loop.time()
+                sample = await see(lambda: device._report.seat == "lost", device)
+                assert (sample.enabled, sample.neutral) == (False, False)
+                problems = device.take_problems()
+                assert ("NET-01", "alice at 127.0.0.1: the link's process: killed by SIGKILL") in problems
+                assert ("NET-13", "the link's process: killed by SIGKILL; it is started again") in problems
+                await protocol.closed
+                ticking = asyncio.ensure_future(see(lambda: False, device))
+                after = await met(port)
+                ticking.cancel()
+                assert loop.time() - killed <= BACK
+                after.abort()
+                await after.closed
+            said: list[str] = []
+
+            def is_said() -> bool:
+                said.extend(words for _, words in device.take_problems())
+                return "it is back after" in "".join(said)
+
+            await see(is_said, device)
+        finally:
+            device.close()
+        with pytest.raises(ConnectionRefusedError):
+            await loop.create_connection(asyncio.Protocol, "127.0.0.1", port)
+
+    clock.run(die(), simulated=False)
+    assert not met_with, "nothing but `read` says so: an error in the run's loop would end the run"
+
+
+@pytest.mark.realtime
+def test_an_input_without_a_process_is_lost(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def die() -> None:
+        device = make(folder)
+        link = device._port
+        assert isinstance(link, LinkProcess)
+        await see(lambda: link._restarts._works, device)
+
+        def full(*arguments: object) -> None:
+            raise BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable")
+
+        monkeypatch.setattr(link_process, "ChildProcess", full)
+        link._process.end()
+        try:
+            why = "its process has ended: (killed by SIGKILL|it cannot be started: Resource temporarily unavailable)"
+            with pytest.raises(DeviceLost, match=why):
                 await see(lambda: False, device)
-            with suppress(DeviceLost):
-                device.read(1.0)
+            monkeypatch.setattr(link_process, "ChildProcess", ChildProcess)
+
+            def back() -> bool:
+                with suppress(DeviceLost):
+                    device.read(0.0)
+                return link._restarts._works
+
+            async with asyncio.timeout(PATIENCE):
+                while not back():
+                    await until(asyncio.get_running_loop().time() + 0.02)
         finally:
             device.close()
 
     clock.run(die(), simulated=False)
-    assert not met, "nothing but `read` says so: an error in the run's loop would end the run"

@@ -107,7 +107,17 @@ def test_delay_up_to_the_limit_drives_and_beyond_it_stops_as_latency() -> None:
     assert "commands are 4" in seen[-1].problems[0][1], "0.4 s and more"
 
 
-def test_jitter_is_a_warning_while_commands_are_fresh() -> None:
+def test_delay_near_the_limit_is_told() -> None:
+    net, operator = driving()
+    operator.to_robot.delay_s = 0.18
+    net.run(1.0)
+    seen = net.run(1.0)
+    assert (rows(seen), all(drives(each) for each in seen)) == ({"NET-15"}, True)
+    ages = [int(words.split(": ")[1].split()[0]) for each in seen for _, words in each.problems]
+    assert (min(ages) >= 200, max(ages) <= 250) == (True, True)
+
+
+def test_jitter_is_told_while_commands_are_fresh() -> None:
     net, operator = driving()
     seen = []
     for _ in range(25):  # waves: what waits for 0.12 s comes at once
@@ -144,7 +154,7 @@ def test_an_operator_whose_program_hangs_does_not_drive_on_by_what_waited() -> N
     assert not any(each.sample.enabled for each in net.run(0.5))
 
 
-def test_loss_is_a_warning_while_commands_are_fresh() -> None:
+def test_loss_is_told_while_commands_are_fresh() -> None:
     net, operator = driving()
     operator.to_robot.loss = 0.3
     seen = net.run(2.0)

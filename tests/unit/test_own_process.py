@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import socket
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -17,7 +16,7 @@ import pytest
 import synthetic_run
 from process_observers import Keeper, KeeperConfig, kept
 
-from artemis.bridges.child_process import ChildProcess
+from artemis.bridges.child_process import LONGEST_PAUSE, SOONEST, ChildProcess, Restarts
 from artemis.errors import ConfigError, PluginError
 from artemis.mapping.occupancy import OccupancyMap, ShownMap
 from artemis.mission.loading import load_model
@@ -34,6 +33,8 @@ MISSIONS = Path(__file__).parents[2] / "missions"
 ROBOT = load_model(MISSIONS / "robots/artemis.yaml", RobotFile)
 SEEN = [(observed.tick, observed.frames) for observed, _ in zip(synthetic_run.run(), range(200), strict=False)]
 LONG = 20.0
+BACK = 2.0
+"""So long after it was killed it does its work again at the latest [s]."""
 
 
 class Run:
@@ -118,8 +119,80 @@ def test_one_that_is_killed_is_back_and_says_so(make: Make, tmp_path: Path) -> N
         ended, back = (words for id, name, words in run.problems if (id, name) == ("NET-13", "far"))
         assert ended == "killed by SIGKILL; it is started again"
         assert back.startswith("it is back after ")
-        assert back.endswith(" ticks were not told")
+        assert back.endswith(" ticks were not shown")
     run.until(lambda: kept(tmp_path, 2))
+
+
+def test_one_that_is_killed_again_and_again_is_back_in_time_each_time(make: Make, tmp_path: Path) -> None:
+    run = make()
+    run.process.wait()
+    run.until(lambda: kept(tmp_path, 0))
+    for number in range(1, 4):
+        assert run.process.pid is not None
+        os.kill(run.process.pid, signal.SIGKILL)
+        killed = monotonic()
+        run.until(lambda: kept(tmp_path, number))  # noqa: B023 (called here)
+        assert monotonic() - killed <= BACK
+
+
+def test_what_cannot_be_started_is_tried_again(make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = make()
+    run.process.wait()
+    works = own_process._Child
+    assert run.process.pid is not None
+    os.kill(run.process.pid, signal.SIGKILL)
+    tries: list[None] = []
+
+    def full(first: bytes) -> None:
+        tries.append(None)
+        raise BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable")
+
+    monkeypatch.setattr(own_process, "_Child", full)
+    run.until(lambda: len(tries) == 2)
+    assert [words for _, _, words in run.problems] == ["killed by SIGKILL; it is started again"]
+    monkeypatch.setattr(own_process, "_Child", works)
+    run.until(lambda: kept(tmp_path, 1))
+
+
+def test_only_what_never_works_is_begun_again_after_longer_and_longer_pauses() -> None:
+    now = [0.0]
+    restarts = Restarts(lambda: now[0])
+
+    def pause(*, works: bool, after: float = 0.0) -> float:
+        """From an end to the next start."""
+        if works:
+            restarts.works()
+        now[0] += after
+        restarts.ended("killed by SIGKILL")
+        ended = now[0]
+        while not restarts.due:
+            now[0] += 0.125
+        restarts.begin()
+        return now[0] - ended
+
+    assert [pause(works=True, after=5.0), pause(works=True), pause(works=True, after=0.5)] == [0, SOONEST, SOONEST / 2]
+    assert [pause(works=False) for _ in range(6)] == [0, 0.5, 1, 2, LONGEST_PAUSE, LONGEST_PAUSE]
+    assert [pause(works=True, after=0.25), pause(works=False)] == [SOONEST - 0.25, 0]
+
+
+def test_an_end_and_the_return_are_said_once() -> None:
+    now = [0.0]
+    restarts = Restarts(lambda: now[0])
+    restarts.works()
+    assert restarts.take() == []
+    restarts.ended("killed by SIGKILL")
+    assert (restarts.take(), restarts.take()) == (["killed by SIGKILL; it is started again"], [])
+    now[0] = 0.3
+    restarts.begin()
+    restarts.ended("ended with status 1")
+    restarts.begin()
+    assert restarts.take() == []
+    now[0] = 0.5
+    restarts.works("; 9 ticks were not shown")
+    restarts.works()
+    assert restarts.take() == []
+    now[0] = 1.3
+    assert (restarts.take(), restarts.take()) == (["it is back after 0.5 s; 9 ticks were not shown"], [])
 
 
 def test_one_that_hangs_is_killed_and_is_back(make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -261,21 +334,3 @@ def test_sigterm_to_all_processes_of_a_service_is_for_the_run(ends: bool) -> Non
             assert process.wait(60.0)
         assert process.end() == ("ended with status 0" if ends else "killed by SIGKILL")
     assert signal.SIGTERM not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
-
-
-def test_the_planner_ends_with_a_run_that_is_killed() -> None:
-    program = """
-import multiprocessing, os, signal
-from concurrent.futures import ProcessPoolExecutor
-from artemis.route_planning.device import end_with_the_run
-
-if __name__ == "__main__":
-    fresh = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(1, mp_context=fresh, initializer=end_with_the_run)
-    planner = pool.submit(os.getpid).result()
-    os.kill(planner, signal.SIGTERM)
-    assert pool.submit(os.getpid).result() == planner
-    os.kill(os.getpid(), signal.SIGKILL)
-"""
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, timeout=60)
-    assert done.returncode == -signal.SIGKILL, "and nobody holds its output any more"

@@ -25,6 +25,16 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 ARTEMIS = "/" + "opt/artemis/bin/artemis"
 
 
+def test_all_is_every_extra_but_those_of_tests() -> None:
+    extras = PROJECT["optional-dependencies"]
+    (words,) = extras["all"]
+    named = words.removeprefix("artemis-robot[").removesuffix("]").split(",")
+    assert sorted(named) == sorted(set(extras) - {"all", "dev", "web-tests"})
+    page = (ROOT / "docs/installing.md").read_text()
+    (told,) = re.findall(r"single parts are (.+?)\. ", page, re.DOTALL)
+    assert sorted(re.findall("`([a-z0-9]+)`", told)) == sorted(named)
+
+
 def service(unit: Path) -> configparser.SectionProxy:
     parser = configparser.ConfigParser(interpolation=None, strict=True)
     parser.optionxform = str  # type: ignore[assignment, method-assign]

@@ -12,7 +12,6 @@ pytest.importorskip("uvicorn", reason="needs the extra web: pip install 'artemis
 pytest.importorskip("websockets", reason="needs the extra web: pip install 'artemis-robot[web]'")
 pytest.importorskip("segno", reason="needs the extra web: pip install 'artemis-robot[web]'")
 
-from ports import free_port
 from test_page_input import Port
 
 from artemis.bridges.operator.session import Arrived, LinkReport
@@ -22,6 +21,7 @@ from artemis.plugins.inputs.page import PageInput, PageInputConfig
 from artemis.testing.contracts import InputContract
 from artemis.testing.observers import ObserverContract
 from artemis.values import OperatorInput
+from artemis_lab.bench.ports import free_port
 
 
 class HeldPage(PageInput):

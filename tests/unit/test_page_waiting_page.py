@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from ports import free_port
 
 from artemis.bridges.page.session import Take
 from artemis.notify import ServiceManager
@@ -18,6 +17,7 @@ from artemis.page.mission_folder import CheckedMission, MissionFolder
 from artemis.page.observer import PageObserverConfig
 from artemis.page.waiting import Cancel, Confirm, Start, Waiting, Watcher
 from artemis.page.waiting_page import WaitingPage
+from artemis_lab.bench.ports import free_port
 
 MISSION = CheckedMission(file="lap.yaml", mission="lap", bus="simulation", simulated=True, hash="aa")
 REAL = CheckedMission(file="real.yaml", mission="real", bus="socketcan can0", hash="bb")

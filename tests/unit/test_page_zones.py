@@ -67,7 +67,7 @@ def test_a_map_that_has_no_zones_gets_its_file(folder: Path) -> None:
         ({"corners": SQUARE[:2]}, "corners: "),
         ({"corners": ((0.0, 0.0), (1.0, 1.0), (2.0, 2.0))}, "on one line"),
         ({"corners": SQUARE, "name": "under-the-crane"}, "already"),
-        ({"corners": SQUARE, "known": "of yesterday"}, "changed by somebody else"),
+        ({"corners": SQUARE, "known": "of yesterday"}, "another operator has changed"),
         ({"corners": SQUARE, "map": "maps/other.yaml"}, "no step plans routes on maps/other.yaml"),
         ({"remove": 99}, "no zone"),
     ],
@@ -103,10 +103,11 @@ def test_the_hub_changes_zones_beside_its_loop_and_tells_all_pages(folder: Path)
             hub.begin()
             while not hub.reaches_run:
                 await asyncio.sleep(0)
-            session.receive(json.dumps({"t": "take"}), hub.now)
-            hub.seats.beat(hub.now)
             words = {"t": "zone", "seq": 1, "beat": 1, "map": MAP, "known": files.told()[0]["tag"], "corners": SQUARE}
-            session.receive(json.dumps(words), hub.now)
+            now = hub.now
+            session.receive(json.dumps({"t": "take"}), now)
+            hub.seats.beat(now)
+            session.receive(json.dumps(words), now)
             async with asyncio.timeout(10):
                 while not [message for message in told if message["t"] == "act"]:
                     await asyncio.sleep(0.001)

@@ -152,6 +152,60 @@ def test_the_wheels_are_turned_before_the_robot_drives_off() -> None:
     assert answered(driver, standing(steering=0.0)).command.speed == 0.0, "and again after a stop"
 
 
+@pytest.mark.parametrize(
+    ("steering", "away", "speed"),
+    [(0.6, 6.1, 0.0), (0.6, 5.9, 0.2), (-0.6, -6.1, 0.0), (-0.6, -5.9, 0.2), (math.radians(6), 6.0, 0.2)],
+)
+def test_wheels_are_turned_to_within_6_degrees_on_either_side(steering: float, away: float, speed: float) -> None:
+    taker = Taker()
+    taker.command = DriveCommand(speed=0.2, steering=steering)
+    driver = PartByPart(taker, straight(2.0), 0.0, ROBOT)
+    assert answered(driver, standing(steering=steering - math.radians(away))).command.speed == speed
+
+
+def test_wheels_are_not_waited_for_longer_than_three_turns_to_their_limit_take() -> None:
+    taker = Taker()
+    taker.command = DriveCommand(speed=0.2, steering=0.6)
+    driver = PartByPart(taker, straight(2.0), 0.0, ROBOT)
+    assert answered(driver, replace(standing(), dt=3 * 60 / 33)).command.speed == 0.0
+    assert answered(driver, replace(standing(), dt=0.001)).command.speed == 0.2
+
+
+def test_the_end_is_that_of_the_present_part() -> None:
+    taker, route = Taker(), three_point_turn()
+    driver = PartByPart(taker, route, 5.0, ROBOT)
+    assert driver.end == pytest.approx(5.0 + route.begins[1])
+    answered(driver, standing())
+    taker.finished = True
+    answered(driver, standing())
+    answered(driver, standing())
+    assert driver.end == pytest.approx(5.0 + route.begins[2])
+
+
+def test_the_end_is_where_the_follower_says_that_its_path_ends() -> None:
+    taker = Taker()
+    driver = PartByPart(taker, straight(2.0), 5.0, ROBOT)
+    answered(driver, standing())
+    taker.paths[-1] = straight(1.5).parts[0].path
+    answered(driver, standing())
+    assert driver.end == pytest.approx(6.5, abs=0.01)
+
+
+def test_a_follower_that_fails_or_answers_what_it_must_not_is_a_fault() -> None:
+    taker = Taker()
+    driver = PartByPart(taker, straight(2.0), 0.0, ROBOT)
+    answered(driver, standing())
+    taker.command = "forwards"  # type: ignore[assignment]
+    garbage = driver.step(standing())
+    taker.paths.clear()
+    raised = driver.step(standing())
+    assert isinstance(garbage, Fault)
+    assert isinstance(raised, Fault)
+    assert (garbage.id, garbage.device, raised.id) == ("PLG-06", "follower", "PLG-02")
+    assert "command='forwards'" in garbage.text
+    assert raised.text.endswith("(IndexError('list index out of range'))")
+
+
 @pytest.mark.parametrize("command", [DriveCommand(speed=math.nan, steering=0.6), DriveCommand(steering=math.nan)])
 def test_a_command_that_is_no_number_is_seen_also_while_the_wheels_are_turned(command: DriveCommand) -> None:
     taker = Taker()

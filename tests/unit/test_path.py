@@ -97,7 +97,8 @@ def test_every_problem_is_reported_with_its_place() -> None:
         ("x y\n0 0\n1.1 0\n", "p.csv:3:1: 1.10 m from the point before; expected at most 1 m"),
         (
             "0,0\n3,0\n3,3\n",
-            "expected at most 1 m: waypoints are joined by `artemis path import`, or by straight lines",
+            "expected at most 1 m: waypoints are joined by `artemis path import`, or by straight lines in the mission: "
+            "path: {waypoints: [[0, 0], [3, 0], [3, 3]]}",
         ),
         ("x y\n0 0\n0.5 0\n1 0\n0.6 0.01", "p.csv:4:1: the path reverses here"),
         ("0,0,0,1,5\n", "5 columns without names"),
@@ -109,6 +110,12 @@ def test_what_is_no_path_is_refused(text: str, expected: str) -> None:
 
 def test_waypoints_are_told_once() -> None:
     assert len(problems_of("0,0\n3,0\n3,3\n")) == 1
+
+
+def test_of_many_waypoints_the_first_are_shown() -> None:
+    (problem,) = problems_of("".join(f"{2 * i},0.5\n" for i in range(9)))
+
+    assert problem.endswith("[12, 0.5], [14, 0.5], ...]}")
 
 
 def test_gap_over_an_unreadable_point_is_not_blamed_on_the_next() -> None:

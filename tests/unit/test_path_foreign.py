@@ -52,6 +52,8 @@ TABLES = {
     "commented.txt": "# timestamp tx ty tz qx qy qz qw\n" + rows("{t} {x:.6f} {y:.6f} 0 0 0 {s:.9f} {c:.9f}"),
     "semicolons.csv": "x;y\n" + rows("{x:.4f};{y:.4f}", comma=True),
     "tabs.tsv": "x\ty\n" + rows("{x:.4f}\t{y:.4f}", comma=True),
+    "quoted.csv": "x,y\n" + rows('"{x:.4f}";"{y:.4f}"', comma=True).replace(";", ","),
+    "millimetres.csv": "x_mm,y_mm\n" + rows("{mx:.2f},{my:.2f}"),
     "bare.txt": rows("{x:.4f} {y:.4f}", comma=True),
     "brackets.csv": '"time [s]","x [mm]","y [mm]","yaw [deg]"\n' + rows("{t},{mx:.2f},{my:.2f},{d:.3f}"),
     "suffix.csv": "t,pos_x_mm,pos_y_mm\n" + rows("{t},{mx:.2f},{my:.2f}"),
@@ -141,6 +143,52 @@ def test_what_was_assumed_is_told(tmp_path: FilePath) -> None:
     assert "a comma was read as a decimal point" in imported(tmp_path, "a.csv", TABLES["semicolons.csv"])
     assert "units: x [mm] times 0.001, y [mm] times 0.001" in imported(tmp_path, "a.csv", TABLES["brackets.csv"])
     assert "not used: z, time, 41 other columns" in imported(tmp_path, "a.csv", TABLES["rostopic.csv"])
+
+
+@pytest.mark.parametrize(
+    ("header", "gap"), [("x,y\n", "105.5"), ("", "105.5"), ("tx ty\n", "105.5"), ("x_mm,y\n", "33.61")]
+)
+def test_points_far_apart_need_a_unit(tmp_path: FilePath, header: str, gap: str) -> None:
+    separator = " " if " " in header else ","
+    text = header + rows("{mx:.2f},{my:.2f}").replace(",", separator)
+
+    (problem,) = refused(tmp_path, "a.csv", text)
+
+    assert problem == (
+        f"a.csv:1:1: neighbouring points are {gap} units apart, and no unit is given: name the columns x_mm,y_mm if "
+        "that is millimetres, or x_m,y_m if it is metres"
+    )
+
+
+def test_a_message_has_its_unit(tmp_path: FilePath) -> None:
+    far = "field.pose.position.x,field.pose.position.y\n" + "".join(f"{10 * i},0\n" for i in range(5))
+
+    assert "40.00 m, from 5 points" in imported(tmp_path, "a.csv", far)
+
+
+def test_a_curve_on_the_straight_lines_is_not_said_to_leave_them(tmp_path: FilePath) -> None:
+    straight = "".join(f"{0.05 * i + 2 * (i > 20):.2f},0\n" for i in range(40))
+
+    assert "leaves the straight lines" not in imported(tmp_path, "a.csv", "x,y\n" + straight)
+    assert "leaves the straight lines" in imported(tmp_path, "a.csv", "x,y\n0,0\n3,0\n5,2\n5,5\n")
+
+
+def test_decimal_commas_between_commas_are_named_once(tmp_path: FilePath) -> None:
+    found = refused(tmp_path, "a.csv", "x,y\n" + "".join(f"0,{50 * i:03d},0.0000\n" for i in range(1, 30)))
+
+    assert found == [
+        "a.csv:2:7: expected 2 columns (x, y), found 3: a comma separates columns: write a point in a number, or "
+        "semicolons between columns"
+    ]
+
+
+def test_quotes_hold_a_decimal_comma(tmp_path: FilePath) -> None:
+    assert "a comma was read as a decimal point" in imported(tmp_path, "a.csv", TABLES["quoted.csv"])
+    with pytest.raises(
+        ConfigError, match=r"^p\.csv:2:1: x: expected a finite number, found '0,0000': write a point inst"
+    ) as caught:
+        path_from_csv(TABLES["quoted.csv"], "p.csv")
+    assert len(caught.value.problems) == 1
 
 
 @pytest.mark.parametrize("name", ["seg.gpx", "seg.kml", "seg.geojson"])

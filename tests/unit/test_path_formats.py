@@ -291,8 +291,8 @@ def test_headings_that_are_all_0_are_none(tmp_path: Path, capsys: pytest.Capture
         ("x,y,yaw\n0,0,90\n0,1,90\n0,2,90\n", "in.csv:2:1: heading 90: expected rad, these are degrees"),
         ("x,y\n0,0\n1,0\n2,0\n1.43,0.82\n", "in.csv:4:1: the robot would turn by 55 deg on the spot"),
         ("x,y,v\n0,0,0.1\n1,0,-0.3\n2,0,0.1\n", "in.csv:3:1: speed: expected more than 0 m/s, found -0.3"),
-        ("x,y\n0,0\n50000,0\n", "in.csv: path of 50000 m"),
-        ("x,y\n0,0\n1e308,0\n", "in.csv: more than"),
+        ("x_m,y_m\n0,0\n50000,0\n", "in.csv: path of 50000 m"),
+        ("x_m,y_m\n0,0\n1e308,0\n", "in.csv: more than"),
     ],
 )
 def test_points_that_are_no_path_are_refused_and_nothing_is_written(tmp_path: Path, text: str, expected: str) -> None:

@@ -309,7 +309,7 @@ def test_a_disk_that_does_not_tell_its_room_is_said(tmp_path: Path, monkeypatch:
         raise OSError(errno.EIO, os.strerror(errno.EIO))
 
     monkeypatch.setattr(shutil, "disk_usage", silent)
-    with pytest.raises(RecordingError, match="cannot tell how much room there is: Input/output error"):
+    with pytest.raises(RecordingError, match="its free space cannot be read: Input/output error"):
         low_disk(tmp_path, Disk())
 
 

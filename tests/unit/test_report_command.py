@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import synthetic_run
 
-from artemis.commands.report import report
+from artemis.commands.report import report, report_with
 from artemis.errors import ConfigError
 from artemis.motion.comparison import compare
 from artemis.motion.truth import truth_from
@@ -207,3 +207,20 @@ def test_lines_are_broken_where_nothing_is_known(run: Path, tum: str) -> None:
     assert max(lengths) < 0.1
     for chart in truth_charts.error_charts(comparison):
         assert np.isnan(chart.lines[0].values).sum() == 1
+
+
+@pytest.mark.parametrize("other", [False, True])
+def test_a_damaged_recording_is_reported(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], other: bool
+) -> None:
+    recording = (run / "recording.mcap").read_bytes()
+    (tmp_path / "recording.mcap").write_bytes(recording[: len(recording) // 2])
+
+    if other:
+        report_with(run, tmp_path, "start")
+    else:
+        report(tmp_path, None, None, None, False, None)
+    out = capsys.readouterr().out
+
+    (line,) = [line for line in out.splitlines() if "the recording is not whole" in line]
+    assert line.startswith(f"{tmp_path}: the recording is not whole: the file is cut off; the last whole one is tick ")

@@ -12,8 +12,9 @@ from time import thread_time
 from typing import Any
 
 import pytest
-from ports import free_port
 from ros1_rig import Master, Peer
+
+from artemis_lab.bench.ports import free_port
 
 pytest.importorskip("rosbags", reason="needs the extra ros: pip install 'artemis-robot[ros]'")
 
@@ -25,7 +26,7 @@ from artemis.bridges.ros1.thread import NodeThread
 from artemis.bridges.ros1.xmlrpc import CallError, call
 from artemis.bridges.ros_types import Ros1Types
 from artemis.errors import ConfigError
-from artemis.mission.loading import load_model
+from artemis.mission.loading import load_mission, load_model
 from artemis.plugins.contracts import PluginContext
 from artemis.plugins.observers.ros1 import Ros1Observer, Ros1ObserverConfig
 from artemis.plugins.observing import Observation
@@ -33,7 +34,8 @@ from artemis.testing.observers import ObserverContract
 from artemis.values import Tick
 from artemis.vehicle import RobotFile
 
-ROBOT = load_model(Path(__file__).parents[2] / "missions/robots/artemis.yaml", RobotFile)
+MISSIONS = Path(__file__).parents[2] / "missions"
+ROBOT = load_model(MISSIONS / "robots/artemis.yaml", RobotFile)
 TICKS = list(ObserverContract().ticks())
 ODOMETRY = "nav_msgs/msg/Odometry"
 
@@ -102,16 +104,16 @@ def test_environment_of_ros_is_followed() -> None:
     assert host("0.0.0.0", ROS_IP="10.0.0.1", ROS_HOSTNAME="robot") == "robot"
     assert (host("0.0.0.0"), host("10.0.0.2")) == ("here", "10.0.0.2")
     config = Ros1ObserverConfig()
-    assert config.master_uri({}) == "http://localhost:11311"
-    assert config.master_uri({"ROS_MASTER_URI": "http://robot:1"}) == "http://robot:1"
-    assert config.names("artemis", {"ROS_NAMESPACE": "two"}).node == "/two/artemis"
+    assert config.checked("ros", {})[1] == "http://localhost:11311"
+    names, master = config.checked("ros", {"ROS_MASTER_URI": "http://robot:1", "ROS_NAMESPACE": "two"})
+    assert (names.node, master) == ("/two/artemis", "http://robot:1")
 
 
 @pytest.mark.parametrize(
     ("options", "environment", "words"),
     [
-        ({}, {"ROS_MASTER_URI": "robot:11311"}, "ros: 'robot:11311' is no URI of a master"),
-        ({}, {"ROS_NAMESPACE": "a b"}, "ros: 'a b' is no namespace"),
+        ({}, {"ROS_MASTER_URI": "robot:11311"}, "ros: ROS_MASTER_URI: 'robot:11311' is no URI of a master"),
+        ({}, {"ROS_NAMESPACE": "a b"}, "ros: ROS_NAMESPACE: 'a b' is no namespace"),
         ({"listen": "192.0.2.1"}, {}, "ros: listen: 192.0.2.1: Cannot assign requested address"),
     ],
 )
@@ -119,7 +121,46 @@ def test_what_cannot_be_is_refused_at_the_start(
     options: dict[str, str], environment: dict[str, str], words: str
 ) -> None:
     with pytest.raises(ConfigError, match=words):
-        NodeThread(Ros1ObserverConfig(**options), "ros", "artemis", environment)  # type: ignore[arg-type]
+        NodeThread(Ros1ObserverConfig(**options), "ros", environment)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("group", ["inputs", "observers"])
+def test_what_cannot_be_is_refused_by_check(tmp_path: Path, group: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "robot.yaml").write_bytes((MISSIONS / "robots/artemis.yaml").read_bytes())
+    mission = tmp_path / "mission.yaml"
+    mission.write_text(
+        f"mission: far\nrobot: robot.yaml\nbus: simulation\n{group}:\n"
+        "  far: {plugin: ros1, listen: 192.0.2.1}\nsteps:\n  - wait: {seconds: 1}\n"
+    )
+    with pytest.raises(
+        ConfigError, match=rf"mission.yaml:5:\d+: {group}.far.listen: 192.0.2.1: Cannot assign requested"
+    ):
+        load_mission(mission)
+    mission.write_text(mission.read_text().replace(", listen: 192.0.2.1", ""))
+    monkeypatch.setenv("ROS_MASTER_URI", "robot")
+    with pytest.raises(ConfigError, match=f"{group}.far.ROS_MASTER_URI: 'robot' is no URI of a master"):
+        load_mission(mission)
+    assert load_mission(mission, tried=False)  # as a replay does
+
+
+def test_two_nodes_of_one_name_at_one_master_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "robot.yaml").write_bytes((MISSIONS / "robots/artemis.yaml").read_bytes())
+    mission = tmp_path / "mission.yaml"
+
+    def write(keys: str) -> None:
+        mission.write_text(
+            "mission: far\nrobot: robot.yaml\nbus: simulation\ninputs:\n"
+            f"  remote: {{plugin: ros1, {keys}}}\nobservers:\n  ros: {{plugin: ros1}}\n"
+            "steps:\n  - wait: {seconds: 1}\n"
+        )
+
+    write("node: artemis")
+    why = r"7:3: observers.ros.node: the node /artemis of ROS 1 is that of inputs.remote, too"
+    with pytest.raises(ConfigError, match=why):
+        load_mission(mission)
+    for keys in ("allow: []", "node: artemis, namespace: left", "node: artemis, master: 'http://robot:11311'"):
+        write(keys)
+        assert load_mission(mission)
 
 
 def test_headers_survive_and_others_are_refused() -> None:

@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+import asyncio
+import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import pytest
-from ports import free_port
+from msgspec.structs import replace
 from pydantic import ValidationError
 from ros1_rig import Master, Peer, Publisher
 
+from artemis_lab.bench.ports import free_port
+
 pytest.importorskip("rosbags", reason="needs the extra ros: pip install 'artemis-robot[ros]'")
 
+from artemis.bridges import answers
 from artemis.bridges.commands import Command, steered_command, twist_command
 from artemis.bridges.poses import GOAL_POSE, INITIAL_POSE, POSE_TYPES
-from artemis.bridges.ros_types import TRIGGER_MD5, Ros1Types
+from artemis.bridges.ros1.tcpros import framed
+from artemis.bridges.ros1.xmlrpc import call
+from artemis.bridges.ros_types import Ros1Types
 from artemis.clock import wall_date
 from artemis.errors import DeviceLost
 from artemis.mission.loading import load_model
@@ -24,7 +31,8 @@ from artemis.motion.ackermann import Ackermann
 from artemis.plugins.contracts import PluginContext
 from artemis.plugins.inputs.ros1 import Ros1Input, Ros1InputConfig
 from artemis.testing.contracts import InputContract
-from artemis.values import LocatedPose, OperatorInput, Pose, Request
+from artemis.testing.observers import ObserverContract
+from artemis.values import LocatedPose, OperatorInput, Pose, Request, Tick
 from artemis.vehicle import RobotFile
 
 ROBOT = load_model(Path(__file__).parents[2] / "missions/robots/artemis.yaml", RobotFile)
@@ -47,17 +55,35 @@ def master() -> Iterator[Master]:
     made.close()
 
 
-Make = Callable[..., Ros1Input]
+class Device(Ros1Input):
+    """One whose clock the test sets."""
+
+    def __init__(self, config: Ros1InputConfig, context: PluginContext) -> None:
+        self.time = 0.0
+        super().__init__(config, context, lambda: self.time)
+
+    def read_at(self, time: float) -> OperatorInput:
+        self.time = time
+        return self.read(time)
+
+
+Ignored = Callable[[Request, Tick], str | None]
+Make = Callable[..., Device]
 
 
 @pytest.fixture
 def make(master: Master) -> Iterator[Make]:
-    inputs = []
+    inputs: list[Device] = []
 
-    def make(wake: Callable[[], None] = lambda: None, **options: Any) -> Ros1Input:  # noqa: ANN401 (keys)
+    def make(
+        wake: Callable[[], None] = lambda: None,
+        ignored: Ignored = lambda request, tick: None,
+        **options: Any,  # noqa: ANN401 (keys)
+    ) -> Device:
         config = Ros1InputConfig(master=master.uri, **options)
-        inputs.append(Ros1Input(config, PluginContext(name="remote", robot=ROBOT, folder=Path(), wake=wake)))
-        inputs[-1].read(0.0)
+        context = PluginContext(name="remote", robot=ROBOT, folder=Path(), wake=wake, ignored=ignored)
+        inputs.append(Device(config, context))
+        inputs[-1].read_at(0.0)
         master.until(lambda: inputs[-1]._topic in master.subscribed and not inputs[-1]._thread.problem)  # type: ignore[union-attr]
         return inputs[-1]
 
@@ -76,10 +102,11 @@ def publisher(master: Master, topic: str = "/cmd_vel", type: str = TWIST, name: 
     return made
 
 
-def told(master: Master, device: Ros1Input, peer: Publisher, data: bytes, now: float) -> OperatorInput:
+def told(master: Master, device: Device, peer: Publisher, data: bytes, now: float) -> OperatorInput:
     """The sample after a message has arrived."""
+    device.time = now
     peer.say(data)
-    master.until(lambda: device._arrived or device._enables)
+    master.until(lambda: not device._mailbox.is_empty)
     return device.read(now)
 
 
@@ -105,13 +132,13 @@ def test_a_yaw_rate_without_speed_moves_nothing_and_an_angle_steers() -> None:
 
 def test_a_command_drives_while_it_is_fresh_and_is_forgotten(master: Master, make: Make) -> None:
     device = make(enabled_by="command", max_speed_m_s=0.4)
-    rest = device.read(1.0)
+    rest = device.read_at(1.0)
     assert (rest.enabled, rest.neutral, rest.age) == (False, True, 0.0)
     peer = publisher(master)
     sample = told(master, device, peer, twist(2.0, 0.0), 2.0)
     assert (sample.speed, sample.enabled, sample.neutral, sample.age) == (0.4, True, False, 0.0)
-    assert device.read(2.3).age == pytest.approx(0.3)
-    gone = device.read(2.6)
+    assert device.read_at(2.3).age == pytest.approx(0.3)
+    gone = device.read_at(2.6)
     assert (gone.speed, gone.enabled, gone.neutral, gone.age) == (0.0, False, True, 0.0)
     assert told(master, device, peer, twist(0.0, 0.0), 3.0).neutral
     turning = told(master, device, peer, twist(0.0, 1.0), 3.1)
@@ -126,7 +153,7 @@ def test_without_the_mission_saying_so_a_command_alone_drives_nothing(master: Ma
     sample = told(master, device, peer, twist(0.3, 0.0), 1.0)
     assert (sample.enabled, sample.speed) == (False, 0.3)
     assert told(master, device, button, b"\1", 1.02).enabled
-    assert not device.read(1.2).enabled
+    assert not device.read_at(1.2).enabled
     assert not told(master, device, button, b"\0", 1.22).enabled
 
 
@@ -162,22 +189,133 @@ def test_an_ackermann_drive_is_speed_and_angle(master: Master, make: Make) -> No
     assert [sample.speed, sample.steering] == pytest.approx([0.25 / math.cos(0.5), 0.5])
 
 
+def shown(sample: OperatorInput) -> Tick:
+    """The tick that took a sample."""
+    (tick,) = itertools.islice(ObserverContract().ticks(), 1)
+    sensed = replace(tick.snapshot.sensed, inputs=(sample,))
+    return replace(tick, snapshot=replace(tick.snapshot, sensed=sensed))
+
+
+def called(master: Master, device: Device, name: str) -> tuple[bytes, OperatorInput]:
+    """The response of a service, and the sample that took what it asks for."""
+    asked = asyncio.run_coroutine_threadsafe(Peer(master).ask_later(name), master._loop)
+    master.until(lambda: not device._mailbox.is_empty)
+    sample = device.read(1.0)
+    assert device.show(shown(sample)) == ""
+    return asked.result(20.0)[1], sample
+
+
+def trigger(success: bool, words: str) -> bytes:
+    """The response of a Trigger."""
+    return b"\x01" + framed(bytes([success]) + framed(words.encode()))[4:]
+
+
 def test_a_stop_is_always_obeyed_and_the_rest_where_it_is_allowed(master: Master, make: Make) -> None:
     woken: list[bool] = []
     device = make(lambda: woken.append(True), allow=["arm"])
     assert sorted(master.served) == ["/arm", "/stop"]
-    header, answer = Peer(master).ask("/stop", TRIGGER_MD5)
-    assert (header["type"], answer) == ("std_srvs/Trigger", b"\x01\x01\x0f\0\0\0stop: requested")
-    assert (device.read(1.0).requests, device.read(1.1).requests) == ((Request.QUICKSTOP,), ())
+    answer, sample = called(master, device, "/stop")
+    assert (answer, sample.requests) == (trigger(True, "stop: requested"), (Request.QUICKSTOP,))
+    assert device.read_at(1.1).requests == ()
     assert "error" in Peer(master).ask("/stop", "0" * 32)[0]
     peer = publisher(master, "/stop", "std_msgs/msg/Empty")
     peer.say(b"")
-    master.until(lambda: device._asked)
-    assert device.read(1.2).requests == (Request.QUICKSTOP,)
-    Peer(master).ask("/arm")
-    assert (device.read(1.3).requests, len(woken)) == ((Request.ARM,), 2)
+    master.until(lambda: not device._mailbox.is_empty)
+    assert device.read_at(1.2).requests == (Request.QUICKSTOP,)
+    answer, sample = called(master, device, "/arm")
+    assert (answer, sample.requests, len(woken)) == (trigger(True, "arm: requested"), (Request.ARM,), 2)
     assert not device.live
     assert make(allow=["arm", "acknowledge"], node="other").live
+
+
+def test_a_service_answers_what_became_of_it(master: Master, make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    device = make(allow=["arm"], ignored=lambda request, tick: f"{request.value} in {tick.mode.value}")
+    assert called(master, device, "/arm")[0] == trigger(False, "arm: ignored, arm in follow")
+    asked = asyncio.run_coroutine_threadsafe(Peer(master).ask_later("/arm"), master._loop)
+    master.until(lambda: not device._mailbox.is_empty)
+    device.time += 0.4
+    assert device.read(1.5).requests == ()
+    words = "arm: 0.4 s old, without effect; ask again"
+    assert (asked.result(20.0)[1], device.take_problems()) == (trigger(False, words), [("NET-04", words)])
+    asked = asyncio.run_coroutine_threadsafe(Peer(master).ask_later("/arm"), master._loop)
+    master.until(lambda: not device._mailbox.is_empty)
+    other = replace(device.read(2.0), requests=())  # the guard gave another sample in its place
+    device.show(shown(other))
+    words = "arm: ignored, the input is lost, or was sent what cannot be used"
+    assert asked.result(20.0)[1] == trigger(False, words)
+    monkeypatch.setattr(answers, "PATIENCE", 0.05)
+    assert Peer(master).ask("/stop")[1] == trigger(False, "the run has not taken it within 0.05 s")
+
+
+def test_what_waited_while_the_run_was_held_up_is_as_old_as_it_is(master: Master, make: Make) -> None:
+    device = make(enabled_by="command", allow=["arm", GOAL_POSE])
+    peers = {
+        topic: publisher(master, f"/{topic}", type)
+        for topic, type in (
+            ("cmd_vel", TWIST),
+            ("arm", "std_msgs/msg/Empty"),
+            ("stop", "std_msgs/msg/Empty"),
+            (GOAL_POSE, POSE_TYPES[GOAL_POSE]),
+        )
+    }
+    device.read_at(1.0)
+    peers["cmd_vel"].say(twist(0.3, 0.0))
+    peers["arm"].say(b"")
+    peers["stop"].say(b"")
+    peers[GOAL_POSE].say(placed(GOAL_POSE, int(wall_date().timestamp())))
+    master.until(
+        lambda: len(device._mailbox._asked) == 2 and device._mailbox._commands and device._mailbox._received.poses
+    )
+    sample = device.read_at(1.2)
+    assert (sample.speed, sample.enabled) == (0.3, True)
+    assert sample.age == pytest.approx(0.2)
+    assert (sample.requests, sample.goal) == ((Request.QUICKSTOP,), None)
+    told = [f"{what}: 0.2 s old, without effect; ask again" for what in ("arm", "goal_pose")]
+    assert device.take_problems() == [("NET-04", words) for words in told]
+
+
+@pytest.mark.parametrize(
+    ("topic", "type", "data", "counts"),
+    [
+        ("arm", "std_msgs/msg/Empty", b"", False),
+        ("stop", "std_msgs/msg/Empty", b"", True),
+        ("cmd_vel", TWIST, TYPES.pack(TWIST, {"linear": {"x": 0.3}}), False),
+    ],
+)
+def test_what_a_publisher_has_kept_counts_only_where_it_has_just_come(
+    master: Master, make: Make, topic: str, type: str, data: bytes, counts: bool
+) -> None:
+    def kept(name: str) -> Publisher:
+        return Publisher(master, f"/{topic}", type.replace("/msg/", "/"), TYPES.definition(type)[1], name, kept=data)
+
+    def arrives() -> bool:
+        """Whether what a publisher has kept has an effect; else there is a warning."""
+        master.until(lambda: not device._mailbox.is_empty)
+        sample = device.read(device.time)
+        device.time += 1.0
+        problems = device.take_problems()
+        effect = bool(sample.requests) or sample.enabled
+        words = f"{topic}: kept by {names[-1]} for whoever connects: without effect; ask again"
+        assert problems == ([] if effect else [("NET-04", words)])
+        return effect
+
+    names = ["/before"]
+    before = kept("/before")
+    device = make(enabled_by="command", allow=["arm"])
+    assert arrives() == counts, "it was there when the run began"
+    before.cut()
+    assert arrives() == counts, "its connection was made anew"
+    names.append("/new")
+    new = kept("/new")
+    assert arrives(), "it came and said that"
+    new.say(data)
+    assert arrives(), "and says it again"
+    new.cut()
+    assert arrives() == counts
+    master.run(call(master.subscribed[f"/{topic}"][1], "publisherUpdate", "/master", f"/{topic}", []))
+    master.until(lambda: not device._thread.node.subscriptions[f"/{topic}"].connected)  # type: ignore[union-attr]
+    master.run(call(master.subscribed[f"/{topic}"][1], "publisherUpdate", "/master", f"/{topic}", [new.uri]))
+    assert arrives() == counts, "it is registered anew"
 
 
 def placed(kind: str, sec: int, frame: str = "map") -> bytes:
@@ -195,7 +333,7 @@ def test_goals_and_initial_poses_are_passed_on_once_where_they_are_allowed(maste
 
     def told(kind: str, *given: Any) -> OperatorInput:  # noqa: ANN401 (of a pose)
         peers[kind].say(placed(kind, now, *given))
-        master.until(lambda: any(device._places.values()))
+        master.until(lambda: not device._mailbox.is_empty)
         return device.read(1.0)
 
     assert told(GOAL_POSE).goal == Pose(x=1.5)
@@ -219,7 +357,7 @@ def test_without_a_master_and_a_publisher_it_is_lost(master: Master, make: Make)
     peer.leave()
     master.until(lambda: device._thread is not None and not device._thread.node.subscriptions["/cmd_vel"].connected)
     with pytest.raises(DeviceLost, match="connection refused"):
-        device.read(5.1)
+        device.read_at(5.1)
 
 
 @pytest.mark.parametrize(

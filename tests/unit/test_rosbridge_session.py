@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Coroutine
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +13,24 @@ import numpy as np
 import pytest
 
 from artemis.bridges.json_messages import FORMS, JsonMessages, full_name
-from artemis.bridges.rosbridge.session import MOST_TOPICS, QUEUE, ClientSession, Message, Offer, Outgoing
+from artemis.bridges.rosbridge.session import (
+    MOST_TOPICS,
+    QUEUE,
+    SETTLED,
+    ClientSession,
+    Message,
+    Offer,
+    Outgoing,
+)
 from artemis.bridges.topics import SCAN_TYPE, Topics
 from artemis.mission.loading import load_model
 from artemis.vehicle import RobotFile
 
 ROBOT = load_model(Path(__file__).parents[2] / "missions/robots/artemis.yaml", RobotFile)
 TWIST, ODOMETRY = "geometry_msgs/msg/Twist", "nav_msgs/msg/Odometry"
+
+CONNECTED = -10.0
+"""When the client connected [s]."""
 
 
 class Desk:
@@ -29,26 +42,42 @@ class Desk:
         self.path = Outgoing("nav_msgs/msg/Path", latched=True)
         offer = Offer(
             told={"/odom": Outgoing(ODOMETRY), "/path": self.path},
-            heard={"/cmd_vel": (TWIST, lambda data, sender: self.arrived.append((data, sender)))},
-            services={"/stop": self.stop},
+            heard={topic: (TWIST, self.take) for topic in ("/cmd_vel", "/other")},
+            services={"/stop": self.stop, "/arm": self.arm},
+            early={"/other": lambda why: f"other: {why}", "/arm": lambda why: f"arm: {why}"},
             elsewhere=elsewhere,
         )
-        self.session = ClientSession(offer, "client 1", lambda data: self.sent.append(json.loads(data)), JsonMessages())
+        self.later: list[Coroutine[Any, Any, None]] = []
+        self.session = ClientSession(
+            offer,
+            "client 1",
+            lambda data: self.sent.append(json.loads(data)),
+            JsonMessages(),
+            CONNECTED,
+            self.later.append,
+        )
+
+    def take(self, data: bytes, sender: str) -> str:
+        self.arrived.append((data, sender))
+        return "too fast" if b"9.5" in data else ""
 
     def stop(self, arguments: Message) -> Message:
         if arguments:
             raise ValueError("it takes no arguments")
         return {"success": True}
 
-    def say(self, **message: object) -> bool:
-        return self.session.take(json.dumps(message), 0.0)
+    async def arm(self, arguments: Message) -> Message:
+        return {"success": False, "message": "arm: ignored, the drives are armed"}
+
+    def say(self, *, at: float = 0.0, **message: object) -> bool:
+        return self.session.take(json.dumps(message), at)
 
     def told(self) -> list[dict[str, Any]]:
         told, self.sent[:] = list(self.sent), []
         return told
 
-    def errors(self, **message: object) -> list[str]:
-        self.say(**message)
+    def errors(self, *, at: float = 0.0, **message: object) -> list[str]:
+        self.say(at=at, **message)
         return [each["msg"] for each in self.told() if each["op"] == "status"]
 
 
@@ -109,6 +138,36 @@ def test_a_command_arrives_with_who_sent_it() -> None:
     assert desk.told() == []
 
 
+def test_what_cannot_be_used_is_refused_with_the_reason() -> None:
+    desk = Desk()
+    assert desk.errors(op="publish", topic="/cmd_vel", msg={"linear": {"x": 9.5}}) == ["too fast"]
+
+
+def test_a_service_answers_later() -> None:
+    desk = Desk()
+    desk.say(op="call_service", service="/arm", id="x")
+    assert desk.told() == []
+    (answer,) = desk.later
+    with suppress(StopIteration):
+        answer.send(None)
+    values = {"success": False, "message": "arm: ignored, the drives are armed"}
+    assert desk.told() == [{"op": "service_response", "service": "/arm", "id": "x", "values": values, "result": True}]
+
+
+def test_what_a_client_says_as_soon_as_it_has_connected_may_have_waited_for_that() -> None:
+    desk, at = Desk(), CONNECTED + 0.25
+    why = "said 0.25 s after client 1 connected, and perhaps kept for that"
+    assert desk.errors(at=at, op="publish", topic="/other", msg={}) == [f"other: {why}"]
+    desk.say(at=at, op="call_service", service="/arm")
+    assert [each["values"] for each in desk.told()] == [{"success": False, "message": f"arm: {why}"}]
+    assert (desk.arrived, desk.later) == ([], [])
+    desk.say(at=at, op="publish", topic="/cmd_vel", msg={})
+    desk.say(at=at, op="call_service", service="/stop")
+    assert (len(desk.arrived), desk.told()[-1]["values"]) == (1, {"success": True})
+    desk.say(at=CONNECTED + SETTLED, op="publish", topic="/other", msg={})
+    assert len(desk.arrived) == 2
+
+
 def test_a_service_answers_with_the_call_s_id() -> None:
     desk = Desk()
     desk.say(op="call_service", service="/stop", id="x")
@@ -154,7 +213,7 @@ def test_a_service_answers_with_the_call_s_id() -> None:
         ({"op": "call_service"}, "service is missing"),
     ],
 )
-def test_what_cannot_be_is_an_error_with_its_reason(message: dict[str, object], words: str) -> None:
+def test_what_cannot_be_is_an_error_with_its_reason(message: dict[str, Any], words: str) -> None:
     desk = Desk()
     (error,) = desk.errors(**message)
     assert words in error
@@ -173,7 +232,7 @@ def test_a_status_has_the_id_of_what_it_is_about_and_the_level_that_is_wanted() 
     desk.say(op="set_level", level="warning")
     assert desk.errors(op="subscribe", topic="/nothing", fragment_size=9) == [
         "/nothing: fragment_size: messages are sent whole",
-        "/nothing: nobody publishes it here",
+        "/nothing: it has no publisher here",
     ]
     desk.say(op="set_level", level="none")
     assert desk.errors(op="fly") == []
@@ -214,7 +273,7 @@ def test_commands_may_be_for_others() -> None:
     desk = Desk(elsewhere="port 9091")
     assert not desk.say(op="publish", topic="/cmd_vel", msg={})
     assert not desk.say(op="advertise", topic="/cmd_vel", type=TWIST)
-    assert not desk.say(op="call_service", service="/arm")
+    assert not desk.say(op="call_service", service="/end")
     assert desk.say(op="call_service", service="/stop")
     assert desk.say(op="subscribe", topic="/odom")
     assert desk.arrived == []

@@ -17,6 +17,7 @@ from serial_rig import STRAIGHT, SerialRig, on_line
 
 from artemis import clock
 from artemis.app import run_mission
+from artemis.cli import check
 from artemis.commands import devices
 from artemis.commands.calibrate_gains import Wanted, calibrate_gains
 from artemis.commands.calibrate_steering import calibrate_steering
@@ -157,12 +158,14 @@ def test_a_drive_that_is_missing_is_named_and_the_next_are_not_configured() -> N
 
 
 def test_nothing_is_driven_over_a_serial_line(mission: Path) -> None:
-    loaded = load_mission(mission)
-    assert loaded.remarks[0].startswith("bus: a serial line")
+    why = f"{mission}:3:1: bus: nothing is driven over a serial line: an EPOS"
     with pytest.raises(ConfigError) as caught:
-        run_mission(loaded, mission)
-    assert caught.value.problems[0].startswith(f"{mission}:3:1: bus: nothing is driven over a serial line: an EPOS")
+        run_mission(load_mission(mission), mission)
+    assert caught.value.problems[0].startswith(why)
     assert not (mission.parent / "runs").exists()
+    with pytest.raises(ConfigError) as caught:
+        check([mission])
+    assert caught.value.problems[0].startswith(why)
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from pydantic import ValidationError
 from artemis.clock import run
 from artemis.config import Inconsistent
 from artemis.devices.can_bus import Frame
-from artemis.devices.supply import EVERY, SupplyMeter
+from artemis.devices.supply import EVERY, VALID, SupplyMeter
 from artemis.errors import DeviceTimeout
 from artemis.families.epos1 import ANALOG
 from artemis.vehicle import RobotFile, SupplySource
@@ -84,10 +85,12 @@ class Objects:
 
     def __init__(self, answer: Callable[[], bytes]) -> None:
         self.answer, self.asked = answer, 0
+        self.takes = 0.0
 
     async def read(self, index: int, subindex: int, size: int = 0) -> bytes:
         assert (index, subindex, size) == (0x2200, 1, 2)
         self.asked += 1
+        await asyncio.sleep(self.takes)
         return self.answer()
 
     async def write(self, index: int, subindex: int, data: bytes, patience: float | None = None) -> None:
@@ -118,7 +121,7 @@ class Watch:
         task = asyncio.ensure_future(work)
         for self.judged in judged:
             await asyncio.sleep(5.5 * EVERY)
-            self.seen.append(self.meter.sense(0.0).battery_v)
+            self.seen.append(self.meter.sense(asyncio.get_running_loop().time()).battery_v)
         task.cancel()
         self.meter.close()
 
@@ -128,6 +131,26 @@ def test_it_is_read_ten_times_a_second_while_the_drives_are_in_use() -> None:
     assert watch.seen == [None, pytest.approx(24.8), pytest.approx(24.8), None]
     assert watch.objects.asked == pytest.approx(11, abs=1)
     assert watch.reports == []
+
+
+def test_a_reading_ends_to_count_while_the_drive_does_a_job_that_takes_long() -> None:
+    async def main() -> list[tuple[float, float | None]]:
+        watch = Watch(lambda: (248).to_bytes(2, "little"))
+        (work,) = watch.meter.begin(0.0, lambda: None, lambda *told: None)
+        reading, loop, seen = asyncio.ensure_future(work), asyncio.get_running_loop(), []
+        await asyncio.sleep(2.5 * EVERY)
+        watch.objects.takes = 3.0  # it stores its parameters meanwhile
+        for _ in range(160):
+            await asyncio.sleep(0.02)
+            seen.append((loop.time(), watch.meter.sense(loop.time()).battery_v))
+        reading.cancel()
+        return seen
+
+    seen = run(main(), simulated=True)
+    known = [time for time, volts in seen if volts is not None]
+    gap = max(after - before for before, after in pairwise(known))
+    assert gap == pytest.approx(3.0 + EVERY - VALID, abs=0.15)
+    assert seen[-1][1] == pytest.approx(24.8)
 
 
 def test_a_drive_that_does_not_answer_is_a_fault_and_no_voltage() -> None:

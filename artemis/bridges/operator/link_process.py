@@ -14,9 +14,9 @@ from contextlib import suppress
 from pathlib import Path
 
 import msgspec
-from msgspec import Struct
+from msgspec import Struct, structs
 
-from artemis.bridges.child_process import ChildProcess
+from artemis.bridges.child_process import ENDED, ChildProcess, Restarts
 from artemis.bridges.operator.frames import RUN_OVER
 from artemis.bridges.operator.robot_end import RobotEnd
 from artemis.bridges.operator.server import OperatorServer, tls_context
@@ -28,6 +28,8 @@ LARGEST = 65536
 """Longest message between the processes [bytes]."""
 END_TIME = 2.0
 """The process has this long to end [s]."""
+WORKS = b"works"
+"""What a process says once operators can connect."""
 _DECODER, _ENCODER = msgspec.msgpack.Decoder(LinkReport), msgspec.msgpack.Encoder()
 
 
@@ -43,61 +45,110 @@ class LinkSettings(Struct, frozen=True):
 
 
 class LinkProcess:
-    """The run's side of the process."""
+    """The run's side of the process. One that ends is begun again, on the same socket, with nobody in the seat."""
 
     def __init__(self, listening: socket.socket, settings: LinkSettings) -> None:
-        """Begin it; the socket is its own from now on."""
-        self._ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self._ours.setblocking(False)
+        """Begin it; the socket is open as long as this is."""
+        self._listening, self._first = listening, _ENCODER.encode(settings)
+        self._news: Callable[[], None] = lambda: None
         self._loop: asyncio.AbstractEventLoop | None = None
-        with theirs, listening:
-            self._process = ChildProcess(["-m", __name__], [theirs.fileno(), listening.fileno()])
-        self._ours.send(_ENCODER.encode(settings))
+        self._last, self._why = LinkReport(), ""
+        self._restarts = Restarts()
+        self._ours: socket.socket | None = None
+        self._begin()
 
     def watch(self, news: Callable[[], None]) -> None:
         """Have `news` called on the running loop when there are reports."""
-        self._loop = asyncio.get_running_loop()
-        self._loop.add_reader(self._ours, news)
+        self._loop, self._news = asyncio.get_running_loop(), news
+        if self._ours is not None:
+            self._loop.add_reader(self._ours, news)
 
     def take(self) -> list[LinkReport]:
         """Reports since the last call, oldest first, not more than a tick has time for; what is left comes next.
 
         Raises:
-            DeviceLost: the process has ended, and its last reports were taken.
+            DeviceLost: no process can be begun, and the last reports of the one that ended were taken.
         """
         reports: list[LinkReport] = []
-        for _ in range(AT_ONCE):
+        if self._ours is None and self._restarts.due:
+            self._begin_again()
+        while self._ours is not None and len(reports) < AT_ONCE:
             try:
                 message = self._ours.recv(LARGEST)
             except BlockingIOError:
-                return reports
+                break
             except OSError:
                 message = b""
             if not message:
-                self._forget()
-                if reports:
-                    return reports
-                raise DeviceLost("operator link", f"its process has ended: {self._process.end()}")
-            reports.append(_DECODER.decode(message))
+                reports.append(self._ended(self._ours))
+                break
+            self._restarts.works()
+            if message != WORKS:
+                self._last = _DECODER.decode(message)
+                reports.append(self._last)
+        if words := self._restarts.take():
+            problems = [(ENDED, each) for each in words]
+            reports.append(structs.replace(self._last, problems=problems, requests=[], given=[], late=None))
+        if self._restarts.fails and not reports:
+            raise DeviceLost("operator link", f"its process has ended: {self._why}")
         return reports
 
     def tell(self, status: bytes) -> None:
         """What the robot does, for the operator; dropped where the process does not keep up."""
-        self._process.trim()
-        with suppress(OSError):
-            self._ours.send(status)
+        if self._ours is not None:
+            self._process.trim()
+            with suppress(OSError):
+                self._ours.send(status)
 
     def close(self) -> None:
         """End it; harmless when repeated."""
-        self._forget()
-        self._ours.close()
-        self._process.wait(END_TIME)
+        if self._ours is not None:
+            self._forget(self._ours)
+            self._process.wait(END_TIME)
         self._process.end()
+        self._listening.close()
 
-    def _forget(self) -> None:
+    def _begin(self) -> None:
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        ours.setblocking(False)
+        try:
+            with theirs:
+                self._process = ChildProcess(["-m", __name__], [theirs.fileno(), self._listening.fileno()])
+        except OSError:
+            ours.close()
+            raise
+        ours.send(self._first)
+        self._ours = ours
+        if self._loop is not None:
+            self._loop.add_reader(ours, self._news)
+
+    def _begin_again(self) -> None:
+        self._restarts.begin()
+        try:
+            self._begin()
+        except OSError as error:
+            self._why = f"it cannot be started: {error.strerror}"
+            self._restarts.ended(self._why)
+
+    def _ended(self, ours: socket.socket) -> LinkReport:
+        """The process is no more: begin another one, and tell who had the seat that it is lost."""
+        self._forget(ours)
+        self._why = self._process.end()
+        self._restarts.ended(f"the link's process: {self._why}")
+        if self._last.seat == "held":
+            assert self._loop is not None
+            self._last = LinkReport("lost", self._last.who, self._loop.time(), f"the link's process: {self._why}")
+        else:
+            self._last = structs.replace(self._last, problems=[], requests=[], given=[])
+        if self._restarts.due:
+            self._begin_again()
+        return self._last
+
+    def _forget(self, ours: socket.socket) -> None:
         if self._loop is not None and not self._loop.is_closed():
-            self._loop.remove_reader(self._ours)
-        self._loop = None
+            self._loop.remove_reader(ours)
+        ours.close()
+        self._ours = None
 
 
 async def serve(listening: socket.socket, port: socket.socket) -> None:
@@ -134,6 +185,8 @@ async def serve(listening: socket.socket, port: socket.socket) -> None:
     tls = tls_context(Path(settings.certificate), Path(settings.key)) if settings.certificate else None
     await server.begin(listening, tls)
     loop.add_reader(port, told)
+    with suppress(BlockingIOError):
+        port.send(WORKS)
     await over.wait()
     await server.close(RUN_OVER)
 

@@ -143,4 +143,4 @@ def tls_context(certificate: Path, key: Path) -> ssl.SSLContext:
 
 
 def _no_password() -> str:
-    raise ValueError("the key is encrypted: nobody is there to type its password")
+    raise ValueError("the key is encrypted, and artemis asks for no password: store it unencrypted")

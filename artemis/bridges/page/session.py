@@ -180,7 +180,7 @@ class PageSeats(Seats):
         self._stops.append(press.id)
         self.ask(Request.QUICKSTOP)
         if press.stale:
-            self.tell(STALE_PAGE, f"{who} pressed Stop while the page was not told of the robot", now)
+            self.tell(STALE_PAGE, f"{who} pressed Stop while the page received nothing from the robot", now)
 
     def _leave(self, seat: Seat, now: float, why: str) -> None:
         if self.owner is not None:

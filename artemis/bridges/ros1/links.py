@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Coroutine, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from artemis.bridges.ros1.connections import Connections
@@ -24,6 +24,8 @@ MOST_MESSAGE = 1 << 14
 """Bytes of a message that is heard: commands are small, and a tick may have to read many."""
 MOST_PUBLISHERS = 64
 """Publishers of a topic that are heard; of more the first."""
+MOST_KNOWN = 1024
+"""Publishers of a topic that are remembered, also when they have left."""
 AT_ONCE, APART = 1 << 18, 0.005
 """Bytes that are read of a publisher at once, and how much time passes between two times [s]."""
 AGAIN = 1.0
@@ -91,8 +93,8 @@ class Service(NamedTuple):
     name: str
     type: str
     md5: str
-    answer: Callable[[], bytes]
-    """Is called once for each request; returns the response."""
+    answer: Callable[[], Awaitable[bytes]]
+    """Is called once for each request; gives the response."""
 
 
 class TcpRosServer:
@@ -141,7 +143,7 @@ class TcpRosServer:
         writer.write(pack_header(kind))
         while fields.get("probe") != "1":
             await read_block(reader, MOST_HEADER)
-            writer.write(b"\x01" + framed(service.answer()))
+            writer.write(b"\x01" + framed(await service.answer()))
             await writer.drain()
             if fields.get("persistent") != "1":
                 return
@@ -150,32 +152,57 @@ class TcpRosServer:
 class Subscription:
     """A topic of others that is heard."""
 
-    def __init__(self, node: str, topic: str, type: str, md5: str, take: Callable[[bytes, str], None]) -> None:
-        """`type` as ROS 1 writes it; `take` is given each message and who sent it."""
+    def __init__(
+        self,
+        node: str,
+        topic: str,
+        type: str,
+        md5: str,
+        take: Callable[[bytes, str], object],
+        leave: Callable[[str], object] | None = None,
+    ) -> None:
+        """Hear nobody yet.
+
+        Args:
+            node: who hears.
+            topic: absolute.
+            type: as ROS 1 writes it.
+            md5: of the type.
+            take: is given each message and who sent it.
+            leave: is told who sent it of a message that a publisher had kept for whoever connects, and that may be an
+                old one: all but what a publisher says which has just come; None: `take` is given these, too.
+        """
         self.topic, self.type, self._node, self._md5, self._take = topic, type, node, md5, take
+        self._leave = leave
+        self.registered = False
+        """The master has told who was there before; who comes to be known from now on has just come."""
         self.connected: list[str] = []
         """URIs of the publishers that are heard at present."""
         self.problem = ""
         """Why the newest publisher that is not heard is not."""
         self._links: dict[str, asyncio.Task[None]] = {}
         self._wanted: set[str] = set()
+        self._known: dict[str, None] = {}
 
     def meet(self, uris: Sequence[str]) -> list[Coroutine[Any, Any, None]]:
         """The publishers are these now; returns what connects to the new ones."""
         uris = list(dict.fromkeys(uris))[:MOST_PUBLISHERS]
-        new = [uri for uri in uris if uri not in self._wanted]
+        begun = {uri: self.registered and uri not in self._known for uri in uris if uri not in self._wanted}
         self._wanted = set(uris)
+        self._known.update(dict.fromkeys(begun))
+        while len(self._known) > MOST_KNOWN:
+            del self._known[next(iter(self._known))]
         for uri, task in list(self._links.items()):
             if uri not in self._wanted:
                 task.cancel()
-        return [self._hear(uri) for uri in new]
+        return [self._hear(uri, new=new) for uri, new in begun.items()]
 
     def close(self) -> None:
         """Hear nobody any more."""
         self.meet([])
 
-    async def _hear(self, uri: str) -> None:
-        """Hear one publisher for as long as it is one."""
+    async def _hear(self, uri: str, *, new: bool) -> None:
+        """Hear one publisher for as long as it is one; it is `new`: what it has to say was not said before it came."""
         task = asyncio.current_task()
         assert task is not None
         if (before := self._links.get(uri)) is not None:
@@ -184,27 +211,36 @@ class Subscription:
         try:
             while uri in self._wanted:
                 try:
-                    await self._listen(uri)
+                    await self._listen(uri, new=new)
                 except (CallError, OverflowError, *BROKEN) as error:  # OverflowError: no port has that number
                     self.problem = f"{uri}: {error}"
+                new = False
                 await asyncio.sleep(AGAIN)
         finally:
             if self._links.get(uri) is task:
                 del self._links[uri]
 
-    async def _take_newest(self, reader: asyncio.StreamReader, transport: asyncio.WriteTransport, sender: str) -> None:
-        """Take messages until the publisher leaves: the newest, now and then, so that a flood costs little."""
+    async def _take_newest(
+        self, reader: asyncio.StreamReader, transport: asyncio.WriteTransport, sender: str, *, kept: bool
+    ) -> None:
+        """Take messages until the publisher leaves: the newest, now and then, so that a flood costs little.
+
+        The first one is `kept`: from before the connection.
+        """
         assert isinstance(transport, asyncio.Transport)
         blocks = NewestBlock(MOST_MESSAGE)
         while data := await reader.read(AT_ONCE):
             transport.pause_reading()
             if (newest := blocks.feed(data)) is not None:
-                self._take(newest, sender)
+                if kept and blocks.count == 1 and self._leave is not None:
+                    self._leave(sender)
+                else:
+                    self._take(newest, sender)
             await asyncio.sleep(APART)
             transport.resume_reading()
         raise ConnectionResetError("the publisher has closed the connection")
 
-    async def _listen(self, uri: str) -> None:
+    async def _listen(self, uri: str, *, new: bool) -> None:
         answer = await call(uri, "requestTopic", self._node, self.topic, [["TCPROS"]])
         match answer:
             case [1, _, ["TCPROS", str(host), int(port)]]:
@@ -223,7 +259,8 @@ class Subscription:
                 raise ValueError(fields["error"])
             self.connected.append(uri)
             try:
-                await self._take_newest(reader, writer.transport, fields.get("callerid", "?"))
+                kept = fields.get("latching") == "1" and not new
+                await self._take_newest(reader, writer.transport, fields.get("callerid", "?"), kept=kept)
             finally:
                 self.connected.remove(uri)
         finally:

@@ -62,9 +62,16 @@ class RosNode:
         """Have a topic."""
         self.publications[publication.topic] = publication
 
-    def subscribe(self, topic: str, type: str, md5: str, take: Callable[[bytes, str], None]) -> Subscription:
-        """Hear a topic: `take` is called with each message and the name of the node that sent it."""
-        subscription = self.subscriptions[topic] = Subscription(self.name, topic, type, md5, take)
+    def subscribe(
+        self,
+        topic: str,
+        type: str,
+        md5: str,
+        take: Callable[[bytes, str], object],
+        leave: Callable[[str], object] | None = None,
+    ) -> Subscription:
+        """Hear a topic: `take` is called with each message and the node that sent it; `leave`: as of `Subscription`."""
+        subscription = self.subscriptions[topic] = Subscription(self.name, topic, type, md5, take, leave)
         return subscription
 
     def serve(self, service: Service) -> None:
@@ -116,10 +123,11 @@ class RosNode:
             await self._ask("registerPublisher", publication.topic, publication.type, self.uri)
         for subscription in self.subscriptions.values():
             self._updated.discard(subscription.topic)
+            subscription.registered = False
             uris = await self._ask("registerSubscriber", subscription.topic, subscription.type, self.uri)
-            if subscription.topic in self._updated:
-                continue  # news of it have overtaken the answer
-            self._meet(subscription, [*uris, *subscription.connected])  # a new master does not know them
+            if subscription.topic not in self._updated:  # else news of it have overtaken the answer
+                self._meet(subscription, [*uris, *subscription.connected])  # a new master does not know them
+            subscription.registered = True
 
     async def _unregister(self) -> None:
         """As far as the master answers."""

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import os
+from collections.abc import Callable, Mapping, Sequence
 from ipaddress import ip_address
-from typing import Annotated
+from typing import Annotated, ClassVar
 from urllib.parse import urlsplit
 
 from pydantic import AfterValidator, Field
 
-from artemis.bridges.addresses import ListenAddress
+from artemis.bridges.addresses import ListenAddress, check_listen
 from artemis.bridges.names import NameResolver, check_base_name, check_name, check_namespace
+from artemis.bridges.places import TakenPlace
 from artemis.config import Config
+from artemis.errors import ConfigError
 
 DEFAULT_MASTER = "http://localhost:11311"
 
@@ -46,22 +49,38 @@ class NodeConfig(Config):
     """The address of this computer at which other nodes reach artemis; 0.0.0.0: any. Others are told ROS_HOSTNAME or
     ROS_IP, if this is not the loopback address. Who reaches it hears everything, and drives where an input is."""
 
-    def names(self, default: str, environment: Mapping[str, str]) -> NameResolver:
-        """Resolves the node's names; `default` is the node's, if the mission has none.
+    default_node: ClassVar[str] = "artemis"
+    """The node's name, if the mission has none; {} is the plugin's."""
+
+    def checked(self, plugin: str, environment: Mapping[str, str] = os.environ) -> tuple[NameResolver, str]:
+        """What resolves the node's names, and the URI of its master. Nothing is left open.
+
+        Args:
+            plugin: its name in the mission.
+            environment: variables of ROS.
 
         Raises:
-            ValueError: ROS forbids ROS_NAMESPACE.
+            ConfigError: a variable is wrong, or this computer has no such address.
         """
-        namespace = self.namespace or environment.get("ROS_NAMESPACE") or "/"
-        return NameResolver(self.node or default, namespace, self.remap)
+        names, master = self._resolved(plugin, environment)
+        check_listen(plugin, self.listen)
+        return names, master
 
-    def master_uri(self, environment: Mapping[str, str]) -> str:
-        """Where the master is.
+    def places(self, plugin: str) -> Sequence[TakenPlace]:
+        """A master knows a node only once: the one that was there is told to leave."""
+        try:
+            names, master = self._resolved(plugin, os.environ)
+        except ConfigError:  # that is complained of elsewhere
+            return ()
+        return (TakenPlace("node", f"the node {names.node} of ROS 1", master),)
 
-        Raises:
-            ValueError: ROS_MASTER_URI is no URI of a master.
-        """
-        return self.master or check_master(environment.get("ROS_MASTER_URI") or DEFAULT_MASTER)
+    def _resolved(self, plugin: str, environment: Mapping[str, str]) -> tuple[NameResolver, str]:
+        node = self.node or self.default_node.format(plugin)
+        try:
+            namespace = self.namespace or _variable("ROS_NAMESPACE", environment)
+            return NameResolver(node, namespace, self.remap), self.master or _variable("ROS_MASTER_URI", environment)
+        except ValueError as error:
+            raise ConfigError(f"{plugin}: {error}") from None
 
     def host(self, environment: Mapping[str, str], this: str) -> str:
         """The name or address that others are told; `this` computer's name, if it listens at any address."""
@@ -70,3 +89,18 @@ class NodeConfig(Config):
             return self.listen
         told = environment.get("ROS_HOSTNAME") or environment.get("ROS_IP")
         return told or (this if listening.is_unspecified else self.listen)
+
+
+_VARIABLES: Mapping[str, tuple[str, Callable[[str], str]]] = {
+    "ROS_NAMESPACE": ("/", check_namespace),
+    "ROS_MASTER_URI": (DEFAULT_MASTER, check_master),
+}
+
+
+def _variable(name: str, environment: Mapping[str, str]) -> str:
+    """One of ROS' variables, or its default. Raises ValueError: it is wrong."""
+    default, check = _VARIABLES[name]
+    try:
+        return check(environment.get(name) or default)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None

@@ -68,6 +68,8 @@ class NewestBlock:
     def __init__(self, most: int) -> None:
         """`most`: longest block [bytes]."""
         self._most, self._rest = most, b""
+        self.count = 0
+        """Blocks that were whole so far."""
 
     def feed(self, data: bytes) -> bytes | None:
         """The newest block that is whole now; None: none is.
@@ -83,6 +85,7 @@ class NewestBlock:
             if len(data) - at - _LENGTH.size < length:
                 break
             newest, at = (at + _LENGTH.size, at + _LENGTH.size + length), at + _LENGTH.size + length
+            self.count += 1
         self._rest = data[at:]
         return None if newest is None else data[newest[0] : newest[1]]
 

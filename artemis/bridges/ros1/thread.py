@@ -18,25 +18,18 @@ from artemis.errors import ConfigError
 class NodeThread(LoopThread):
     """The thread of one node. Publications, subscriptions and services are added to `node` before `start`."""
 
-    def __init__(
-        self, config: NodeConfig, plugin: str, default: str, environment: Mapping[str, str] = os.environ
-    ) -> None:
+    def __init__(self, config: NodeConfig, plugin: str, environment: Mapping[str, str] = os.environ) -> None:
         """Take two free ports.
 
         Args:
             config: the node's keys.
-            plugin: its name in the mission, for messages.
-            default: the node's name, if the mission has none.
+            plugin: its name in the mission.
             environment: variables of ROS.
 
         Raises:
             ConfigError: this computer has no such address, or a variable is wrong.
         """
-        try:
-            self.names = config.names(default, environment)
-            master = config.master_uri(environment)
-        except ValueError as error:
-            raise ConfigError(f"{plugin}: {error}") from None
+        self.names, master = config.checked(plugin, environment)
         with ExitStack() as made:
             try:
                 tcp, rpc = (made.enter_context(bound(config.listen)) for _ in range(2))
@@ -49,8 +42,8 @@ class NodeThread(LoopThread):
         super().__init__(plugin)
 
     def put(self, messages: Sequence[tuple[str, bytes]]) -> None:
-        """Publish: absolute names of topics, and messages' bytes. Never waits."""
-        self._soon(self._put, messages)
+        """Publish: absolute names of topics, and messages' bytes. Waits for no subscriber."""
+        self.hand_over(self._put, messages)
 
     @property
     def problem(self) -> str:

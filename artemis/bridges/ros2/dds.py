@@ -55,10 +55,10 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
+from artemis.bridges.kept_process import LOOK
 from artemis.bridges.ros2.parts import (
     FAILURE,
     INFORMATION,
-    LOOK,
     MESSAGE,
     READER,
     STATE,

@@ -18,8 +18,6 @@ READER = struct.Struct("<HQ")
 STATE, FAILURE, MESSAGE = b"s", b"f", b"m"
 INFORMATION = "rmw_dds_common/msg/ParticipantEntitiesInfo"
 """The type by which a node says what it has."""
-LOOK = 0.1
-"""The process tells its state at least this often [s]."""
 
 
 class Endpoint(Struct, frozen=True):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 from collections.abc import Mapping
 from ipaddress import ip_address
 from typing import Annotated, Literal
@@ -99,15 +98,6 @@ class Ros2NodeConfig(Config):
     def local(self) -> bool:
         """Only programs of this computer are met."""
         return ip_address(self.listen).is_loopback
-
-    def check_address(self) -> None:
-        """Nothing, if this computer has the address.
-
-        Raises:
-            OSError: it has not.
-        """
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as tried:
-            tried.bind((self.listen, 0))
 
 
 def unicast_ports(domain: int) -> tuple[int, int]:

@@ -7,9 +7,11 @@ from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
 from importlib.util import find_spec
+from socket import socket
 from typing import TYPE_CHECKING, Any
 
 from artemis.bridges.addresses import bound
+from artemis.bridges.background import BackgroundTasks
 from artemis.bridges.json_messages import JsonMessages
 from artemis.bridges.loop_thread import END_TIME, LoopThread
 from artemis.bridges.rosbridge.session import QUEUE, ClientSession, Offer
@@ -21,8 +23,8 @@ if TYPE_CHECKING:
     from websockets.asyncio.server import ServerConnection
 
 MOST_CLIENTS = 32
-MOST_MESSAGE = 1 << 16
-"""Bytes that a client may say at once."""
+MOST_MESSAGE = 1 << 12
+"""Bytes that a client may say at once: commands are small."""
 RATE, BURST = 200.0, 200.0
 """What a client may say in a second, and at once [messages]: who says more is closed."""
 KEPT_OUT = 1.0
@@ -42,48 +44,55 @@ def require_websockets(name: str) -> None:
         raise ConfigError(f"{name}: plugin: rosbridge needs the package websockets: {INSTALL}")
 
 
+def listening_at(plugin: str, address: str, port: int) -> socket:
+    """A socket at which clients connect; port 0: any that is free.
+
+    Raises:
+        ConfigError: the port is in use, or this computer has no such address. `plugin`: its name in the mission.
+    """
+    try:
+        return bound(address, port, listening=True)
+    except OSError as error:
+        raise ConfigError(f"{plugin}: {address}, port {port}: {error.strerror}") from None
+
+
 class RosbridgeServer(LoopThread):
-    """One server, which listens as soon as it is made, and answers from `start` on."""
+    """One server; it answers from `start` on."""
 
     def __init__(
         self,
-        config: ServerConfig,
         plugin: str,
-        port: int,
+        listening: socket,
         offer: Offer,
+        config: ServerConfig,
         *,
         queue: int = QUEUE,
-        inputs: int | None = None,
+        inputs: str = "",
     ) -> None:
-        """Take the port.
+        """Have a socket that listens.
 
         Args:
-            config: its keys.
-            plugin: its name in the mission, for messages.
-            port: where it listens; 0: any that is free.
+            plugin: its name in the mission.
+            listening: the socket; it is closed at the end.
             offer: what it has for its clients.
+            config: its keys.
             queue: messages that wait for a slow client; then the oldest are dropped.
-            inputs: port of this computer at which another server takes what this one does not.
-
-        Raises:
-            ConfigError: the port is in use, or this computer has no such address.
+            inputs: URL of another server that takes what this one does not.
         """
         self._config, self._offer, self._queue, self._inputs = config, offer, queue, inputs
         self._messages = JsonMessages(config.ros)
-        try:
-            self._socket = bound(config.listen, port, listening=True)
-        except OSError as error:
-            raise ConfigError(f"{plugin}: {config.listen}, port {port}: {error.strerror}") from None
-        self.port: int = self._socket.getsockname()[1]
+        self._socket = listening
+        self.port: int = listening.getsockname()[1]
         self._gone = 0
         self._sessions: dict[ClientSession, _Outbox] = {}
         self._number = 0
         self._kept_out: dict[str, float] = {}
+        self._tasks = BackgroundTasks()
         super().__init__(plugin)
 
     def put(self, told: Sequence[tuple[str, bytes]]) -> None:
-        """Tell clients: absolute names of topics, and messages' JSON. Never waits."""
-        self._soon(self._put, told)
+        """Tell clients: absolute names of topics, and messages' JSON. Waits for no client."""
+        self.hand_over(self._put, told)
 
     @property
     def wanted(self) -> set[str]:
@@ -147,12 +156,13 @@ class RosbridgeServer(LoopThread):
             await connection.close(_TRY_AGAIN, f"{MOST_CLIENTS} clients are the most")
             return
         self._number += 1
-        outbox = _Outbox(self._queue)
-        session = ClientSession(self._offer, f"client {self._number}", outbox.put, self._messages)
+        outbox, now = _Outbox(self._queue), self._loop.time()
+        name = f"client {self._number}"
+        session = ClientSession(self._offer, name, outbox.put, self._messages, now, self._tasks.begin)
         relay = _Relay(self._inputs, outbox)
         self._sessions[session] = outbox
-        sending = asyncio.ensure_future(outbox.send(connection))
-        tokens, filled = BURST, self._loop.time()
+        beside = [asyncio.ensure_future(work) for work in (outbox.send(connection), relay.begin())]
+        tokens, filled = BURST, now
         try:
             async for text in connection:
                 now = self._loop.time()
@@ -168,8 +178,9 @@ class RosbridgeServer(LoopThread):
         finally:
             del self._sessions[session]
             self._gone += outbox.dropped
-            sending.cancel()
-            await asyncio.gather(sending, relay.close(), return_exceptions=True)
+            for task in beside:
+                task.cancel()
+            await asyncio.gather(*beside, relay.close(), return_exceptions=True)
 
     def _keep_out(self, address: str, now: float) -> None:
         self._kept_out = {other: until for other, until in self._kept_out.items() if until > now}
@@ -204,27 +215,42 @@ class _Outbox:
 
 
 class _Relay:
-    """A client's second connection, to the server of an input: made with its first command."""
+    """A client's second connection, to the server of an input, if there is one: made as soon as the first."""
 
-    def __init__(self, port: int | None, outbox: _Outbox) -> None:
-        self._port, self._outbox = port, outbox
+    def __init__(self, url: str, outbox: _Outbox) -> None:
+        self._url, self._outbox = url, outbox
         self._link: ClientConnection | None = None
         self._hearing: asyncio.Task[None] | None = None
+        self._one = asyncio.Lock()
+
+    async def begin(self) -> None:
+        """Connect; if that fails, it is tried again for the first command."""
+        from websockets.exceptions import WebSocketException
+
+        if self._url:
+            with suppress(OSError, TimeoutError, WebSocketException):
+                await self._connect()
 
     async def take(self, text: str | bytes, session: ClientSession) -> None:
         """Pass on what a client says."""
-        from websockets.asyncio.client import connect
         from websockets.exceptions import WebSocketException
 
         try:
-            if self._link is None:
-                options: dict[str, Any] = {"compression": None, "close_timeout": END_TIME / 4, "proxy": None}
-                self._link = await connect(f"ws://127.0.0.1:{self._port}/", open_timeout=1.0, **options)
-                self._hearing = asyncio.ensure_future(self._hear(self._link))
-            await self._link.send(text)
+            link = await self._connect()
+            await link.send(text)
         except (OSError, TimeoutError, WebSocketException) as error:
             self._link = None
-            session.say("error", f"the input at port {self._port} does not take commands: {error}")
+            session.say("error", f"the input at {self._url} does not take commands: {error}")
+
+    async def _connect(self) -> ClientConnection:
+        from websockets.asyncio.client import connect
+
+        async with self._one:
+            if self._link is None:
+                options: dict[str, Any] = {"compression": None, "close_timeout": END_TIME / 4, "proxy": None}
+                self._link = await connect(self._url, open_timeout=1.0, **options)
+                self._hearing = asyncio.ensure_future(self._hear(self._link))
+            return self._link
 
     async def close(self) -> None:
         """Harmless when repeated."""

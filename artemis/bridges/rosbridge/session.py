@@ -7,7 +7,7 @@ fragment, no authentication: who asks for one is refused by name.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Coroutine, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -21,6 +21,9 @@ QUEUE = 64
 oldest is dropped."""
 MOST_TOPICS = 256
 """Topics that a client may subscribe to or advertise, and its subscriptions to one."""
+SETTLED = 0.5
+"""A connection is so old before what moves the robot counts on it [s]: clients keep what is said while they have no
+connection, for however long, and send all of it as soon as they have one."""
 LEVELS = ("none", "error", "warning", "info")
 _ENCODE = msgspec.json.encode
 Message = dict[str, Any]
@@ -41,10 +44,13 @@ class Offer:
     """What a server has for its clients, by absolute names."""
 
     told: Mapping[str, Outgoing] = field(default_factory=dict)
-    heard: Mapping[str, tuple[str, Callable[[bytes, str], None]]] = field(default_factory=dict)
-    """Topics that clients may publish: their type, and what takes a message and its sender."""
-    services: Mapping[str, Callable[[Message], Message]] = field(default_factory=dict)
-    """What answers a call with its arguments. Raises ValueError: why not."""
+    heard: Mapping[str, tuple[str, Callable[[bytes, str], str]]] = field(default_factory=dict)
+    """Topics that clients may publish: their type, and what takes a message and its sender. That returns why the
+    message cannot be used (empty: it can)."""
+    services: Mapping[str, Callable[[Message], Message | Coroutine[Any, Any, Message]]] = field(default_factory=dict)
+    """What answers a call with its arguments, at once or later. Raises ValueError: why not."""
+    early: Mapping[str, Callable[[str], str]] = field(default_factory=dict)
+    """Topics and services that have no effect on a connection younger than `SETTLED`: what makes a refusal of why."""
     elsewhere: str = ""
     """Who takes what is neither heard nor served here; empty: nobody."""
 
@@ -74,9 +80,27 @@ class Refused(ValueError):
 class ClientSession:
     """One client. Nothing here waits: what it is to be told goes to `send`."""
 
-    def __init__(self, offer: Offer, name: str, send: Callable[[bytes], None], messages: JsonMessages) -> None:
-        """`name` of the client, by which its commands are told from others'."""
+    def __init__(
+        self,
+        offer: Offer,
+        name: str,
+        send: Callable[[bytes], None],
+        messages: JsonMessages,
+        now: float,
+        begin: Callable[[Coroutine[Any, Any, None]], object],
+    ) -> None:
+        """A client connects.
+
+        Args:
+            offer: what there is for it.
+            name: of the client, by which its commands are told from others'.
+            send: takes what it is told.
+            messages: packs and unpacks.
+            now: the time [s].
+            begin: has something done that takes longer.
+        """
         self._offer, self._name, self._send, self._messages = offer, name, send, messages
+        self._connected, self._begin = now, begin
         self._subscribed: dict[str, _Subscription] = {}
         self._advertised: set[str] = set()
         self._level = LEVELS.index("error")
@@ -151,7 +175,7 @@ class ClientSession:
             self.say("warning", f"{topic}: fragment_size: messages are sent whole", message.get("id"))
         period, queue = self._number(message, "throttle_rate"), self._number(message, "queue_length")
         if (known := self._offer.told.get(topic)) is None:
-            self.say("warning", f"{topic}: nobody publishes it here", message.get("id"))
+            self.say("warning", f"{topic}: it has no publisher here", message.get("id"))
         elif type and full_name(type) != known.type:
             raise Refused(f"{topic} is {known.type}, and {type} was asked for")
         self._fits(len(self._subscribed))
@@ -197,7 +221,8 @@ class ClientSession:
             self._messages.unpack(type, data)
         except ValueError as error:
             raise Refused(f"{topic}: no {type}: {error}") from None
-        take(data, self._name)
+        if why := self._too_early(topic, now) or take(data, self._name):
+            raise Refused(why)
 
     def _call(self, message: Message, now: float) -> None:
         service = _absolute(self._text(message, "service"))
@@ -208,11 +233,21 @@ class ClientSession:
         try:
             if known is None:
                 raise Refused(f"no service {service}")
-            values = known(arguments if isinstance(arguments, dict) else {})
+            if why := self._too_early(service, now):
+                values: Message | Coroutine[Any, Any, Message] = {"success": False, "message": why}
+            else:
+                values = known(arguments if isinstance(arguments, dict) else {})
         except ValueError as error:
             self._send(_ENCODE({**answer, "values": str(error), "result": False}))
+            return
+        if isinstance(values, Coroutine):
+            self._begin(self._answer(answer, values))
         else:
             self._send(_ENCODE({**answer, "values": values, "result": True}))
+
+    async def _answer(self, answer: Message, values: Coroutine[Any, Any, Message]) -> None:
+        """Answer a call later."""
+        self._send(_ENCODE({**answer, "values": await values, "result": True}))
 
     def _set_level(self, message: Message, now: float) -> None:
         level = self._text(message, "level")
@@ -230,7 +265,14 @@ class ClientSession:
                 return _absolute(self._text(message, "service")) not in self._offer.services
         return False
 
-    def _heard(self, topic: str, type: str = "") -> tuple[str, Callable[[bytes, str], None]]:
+    def _too_early(self, name: str, now: float) -> str:
+        """Why a topic or service has no effect yet; empty: it has."""
+        refuse, age = self._offer.early.get(name), now - self._connected
+        if refuse is None or age >= SETTLED:
+            return ""
+        return refuse(f"said {age:.2f} s after {self._name} connected, and perhaps kept for that")
+
+    def _heard(self, topic: str, type: str = "") -> tuple[str, Callable[[bytes, str], str]]:
         if (known := self._offer.heard.get(topic)) is None:
             there = ", ".join(sorted(self._offer.heard)) or "none"
             raise Refused(f"{topic} is not heard here; topics that are: {there}")

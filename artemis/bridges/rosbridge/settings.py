@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Literal
 from urllib.parse import urlsplit
 
 from pydantic import AfterValidator, Field
 
 from artemis.bridges.addresses import ListenAddress
+from artemis.bridges.places import TakenPlace, port_place
 from artemis.config import Config
 
+INPUT_PORT = 9091
+"""Of an input, if the mission has none."""
 INSTALL = "pip install 'artemis-robot[web]'"
 
 
@@ -35,3 +39,14 @@ class ServerConfig(Config):
     """Web pages that may connect, by where they are from, such as http://localhost:8000. Other programs always may."""
     ros: Literal[1, 2] = 2
     """Whose names the parts of a time have: secs and nsecs of ROS 1, or sec and nanosec."""
+
+
+class PortConfig(ServerConfig):
+    """Likewise, with its port."""
+
+    port: Annotated[int, Field(ge=0, le=65535)]
+    """0: any that is free."""
+
+    def places(self, name: str) -> Sequence[TakenPlace]:
+        """Its port."""
+        return port_place(self.listen, self.port)

@@ -1,6 +1,7 @@
 """Motors of an input device: rumble, a force that centres, and one that shakes (Linux, Documentation/input/ff.rst).
 
-An effect is a `struct ff_effect` (linux/input.h), uploaded into the device and played by an event.
+And its lamps, which are switched by events (EV_LED). An effect is a `struct ff_effect` (linux/input.h), uploaded into
+the device and played by an event.
 """
 
 from __future__ import annotations
@@ -21,8 +22,10 @@ from artemis.devices.evdev.nodes import (
 )
 from artemis.devices.hid.port import HidInfo
 
-_FORCE, _UPLOAD, _EVENT = 0x15, 0x40004580, "@llHHi"
-"""EV_FF; EVIOCSFF, without the size of what follows; `struct input_event`."""
+FORCE, LAMP = 0x15, 0x11
+"""EV_FF, EV_LED."""
+_UPLOAD, _EVENT = 0x40004580, "@llHHi"
+"""EVIOCSFF, without the size of what follows; `struct input_event`."""
 _HEAD, _LONGEST = "@HhHHHHH0P", "@HHhhH4HIP"
 """Kind, id, direction, trigger's button and interval, length and delay [ms], 0: for ever; the longest of what may
 follow: waveform, period, magnitude, offset, phase, envelope, samples."""
@@ -42,8 +45,8 @@ class MotorNode(Protocol):
     def upload(self, effect: bytes) -> int:
         """Put a `struct ff_effect` into the device, a new one where its id is -1; its id."""
 
-    def write(self, code: int, value: int) -> None:
-        """Send it an event of the kind EV_FF."""
+    def write(self, kind: int, code: int, value: int) -> None:
+        """Send it an event."""
 
     def close(self) -> None:
         """Give it back."""
@@ -61,8 +64,8 @@ class _OpenNode:
         id: int = struct.unpack_from(_HEAD, data)[1]
         return id
 
-    def write(self, code: int, value: int) -> None:
-        os.write(self._file, struct.pack(_EVENT, 0, 0, _FORCE, code, value))
+    def write(self, kind: int, code: int, value: int) -> None:
+        os.write(self._file, struct.pack(_EVENT, 0, 0, kind, code, value))
 
     def close(self) -> None:
         os.close(self._file)
@@ -71,9 +74,9 @@ class _OpenNode:
 class Motors:
     """Those of one device. Every method may wait for the device: not for the thread of the ticks."""
 
-    def __init__(self, node: MotorNode, forces: frozenset[int]) -> None:
-        """`forces`: codes of what the device can do."""
-        self._node, self._forces = node, forces
+    def __init__(self, node: MotorNode, forces: frozenset[int], lamps: frozenset[int] = frozenset()) -> None:
+        """`forces`: codes of what the device can do; `lamps`: of those that it has."""
+        self._node, self._forces, self._lamps = node, forces, lamps
         self._ids: dict[str, int] = {}
 
     @property
@@ -90,6 +93,15 @@ class Motors:
     def shakes(self) -> bool:
         """It has a force to shake it with."""
         return bool(self._forces & {PERIODIC, CONSTANT})
+
+    def light(self, on: bool) -> None:
+        """Switch all its lamps.
+
+        Raises:
+            OSError: the device does not take it.
+        """
+        for lamp in sorted(self._lamps):
+            self._node.write(LAMP, lamp, int(on))
 
     def rumble(self) -> None:
         """Hum for a moment.
@@ -126,7 +138,7 @@ class Motors:
             most, slope = round(force * 0xFFFF), round(force * 0x7FFF)
             self._play("spring", SPRING, struct.pack("@HHhhHh", most, most, slope, slope, 0, 0), direction=_LEFT)
         else:
-            self._node.write(AUTOCENTER, round(force * 0xFFFF))
+            self._node.write(FORCE, AUTOCENTER, round(force * 0xFFFF))
 
     def close(self) -> None:
         """Give it back; the kernel takes its effects out."""
@@ -136,11 +148,11 @@ class Motors:
         """Upload an effect anew, in the place of its last one, and begin it."""
         head = struct.pack(_HEAD, kind, self._ids.get(name, _NEW), direction, 0, 0, length, delay)
         self._ids[name] = self._node.upload(head + body.ljust(struct.calcsize(_LONGEST), b"\0"))
-        self._node.write(self._ids[name], 1)
+        self._node.write(FORCE, self._ids[name], 1)
 
 
 def find_motors(info: HidInfo) -> Motors | None:
-    """Motors of a device, by whichever interface it is read; None: it has none.
+    """Motors and lamps of a device, by whichever interface it is read; None: it has none.
 
     Raises:
         DeviceLost: this user may not open its event node, or it is gone.
@@ -149,4 +161,4 @@ def find_motors(info: HidInfo) -> Motors | None:
     if node is None:
         return None
     with opening(node.info):
-        return Motors(_OpenNode(node.info.path), node.forces)
+        return Motors(_OpenNode(node.info.path), node.forces, node.lamps)

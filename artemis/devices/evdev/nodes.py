@@ -36,6 +36,8 @@ class EventNode:
     axes: frozenset[int]
     forces: frozenset[int]
     """What its motors can do; empty: it has none."""
+    lamps: frozenset[int]
+    """Lamps that it lets programs switch (EV_LED)."""
     hidraw: frozenset[str]
     """Names of the same device's hidraw nodes, as hidraw0."""
 
@@ -88,6 +90,7 @@ def _node(place: Path) -> EventNode:
         keys=_bits(text("capabilities/key")),
         axes=_bits(text("capabilities/abs")),
         forces=_bits(text("capabilities/ff")),
+        lamps=_bits(text("capabilities/led")),
         hidraw=frozenset(node.name for node in (device / "device" / "hidraw").glob("hidraw*")),
     )
 
@@ -106,10 +109,12 @@ def hidden_controls(sysfs: Path = SYSFS) -> list[HidInfo]:
 
 
 def motors_of(info: HidInfo, sysfs: Path = SYSFS) -> EventNode | None:
-    """The node by which the motors of a device are driven, whichever way it is read; None: it has none."""
+    """The node by which a device's motors and lamps are driven, whichever way it is read; None: it has none."""
     name = Path(info.path).name
     for node in event_nodes(sysfs):
-        if node.forces and (node.info.path == info.path or (info.source == "hidraw" and name in node.hidraw)):
+        if (node.forces or node.lamps) and (
+            node.info.path == info.path or (info.source == "hidraw" and name in node.hidraw)
+        ):
             return node
     return None
 

@@ -148,7 +148,7 @@ class _HidrawHandle:
         try:
             return bytes(self._device.get_report_descriptor())
         except (OSError, ValueError) as error:
-            raise DeviceLost(self._name, f"does not tell its report descriptor ({error})") from error
+            raise DeviceLost(self._name, f"does not return its report descriptor ({error})") from error
 
     def read(self, timeout_s: float) -> bytes | None:
         milliseconds = max(1, round(timeout_s * 1000))  # 0 would wait for ever

@@ -2,7 +2,8 @@
 import {act, ask, control, onControl} from './control.js';
 import {jog, onHand} from './hand.js';
 import * as map from './map.js';
-import {announce, element} from './panels.js';
+import {element} from './browser.js';
+import {announce} from './panels.js';
 
 const $ = id => document.getElementById(id);
 const TURN = Math.PI / 180, LEAST = 12, SAID = 8000, SURE = 3000; // a drag is as long as that [px]; what was said is shown [ms]
@@ -206,7 +207,7 @@ export function bindActs() {
     const turn = Number(button.dataset.turn);
     button.addEventListener('pointerdown', event => { if (event.button > 0 || button.disabled) return; button.setPointerCapture(event.pointerId); jog(turn); });
     for (const end of ['pointerup', 'pointercancel', 'lostpointercapture', 'blur']) button.addEventListener(end, () => jog(0));
-    button.addEventListener('keydown', event => { if ((event.key === ' ' || event.key === 'Enter') && !event.repeat) { event.preventDefault(); jog(turn); } });
+    button.addEventListener('keydown', event => { if (event.key === 'Enter' && !event.repeat) { event.preventDefault(); jog(turn); } });
     button.addEventListener('keyup', () => jog(0));
     button.addEventListener('contextmenu', event => event.preventDefault());
   }

@@ -1,5 +1,29 @@
-// What the pages of a run and of a robot that waits have in common: this browser's name, pairing another one, and which page is served.
+// What all pages have in common: elements, this browser's name, Stop by button and by key, pairing another browser, and which page is served.
 const $ = id => document.getElementById(id);
+
+export function element(name, attributes = {}, ...children) {
+  const made = document.createElement(name);
+  for (const [key, value] of Object.entries(attributes)) if (value !== null && value !== false) made.setAttribute(key, value === true ? '' : value);
+  made.append(...children.filter(child => child !== null));
+  return made;
+}
+
+export const newId = () => Array.from(crypto.getRandomValues(new Uint8Array(8)), byte => byte.toString(16).padStart(2, '0')).join('');
+
+// Space and Escape are Stop wherever the focus is, and press nothing else; where text is typed only Escape is.
+const TYPED = 'textarea, input:not([type=range], [type=checkbox])';
+export function bindStop(stop) {
+  const isStop = event => event.key === 'Escape' || (event.key === ' ' && !(event.target instanceof Element && event.target.closest(TYPED)));
+  window.addEventListener('keydown', event => {
+    if (!isStop(event)) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    if (!event.repeat) stop();
+  }, true);
+  window.addEventListener('keyup', event => { if (isStop(event)) event.preventDefault(); }, true); // Firefox presses a button then
+  $('stop').addEventListener('pointerdown', event => { if (event.button > 0) return; event.preventDefault(); stop(); });
+  $('stop').addEventListener('click', event => { if (event.detail === 0) stop(); }); // Enter, switch, screen reader
+}
 
 export function browserName() {
   const agent = navigator.userAgent;

@@ -1,5 +1,5 @@
 // The way of commands: who has control, what the hand does every 50 ms, and Stop by two ways at once.
-import {browserName} from './browser.js';
+import {browserName, newId} from './browser.js';
 import {hand, onHand, release} from './hand.js';
 
 const BEAT = 50, GAP = 300, NO_ANSWER = 1000, RETRY = 400;
@@ -13,8 +13,6 @@ export const control = {
 };
 export const onControl = listener => listeners.add(listener);
 const changed = (what, detail) => { for (const listener of listeners) listener(what, detail); };
-
-const newId = () => Array.from(crypto.getRandomValues(new Uint8Array(8)), byte => byte.toString(16).padStart(2, '0')).join('');
 
 function say(message) {
   if (socket?.readyState !== WebSocket.OPEN || socket.bufferedAmount > 4096) return false;

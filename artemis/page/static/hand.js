@@ -107,6 +107,7 @@ export function bindKeys(allowed) {
 
 // ------------------------------------------------------------------------------------------ a gamepad
 
+setInterval(readPad, 50); // its Stop counts without control, and while nothing is heard of the robot
 function readPad() {
   const found = navigator.getGamepads ? Array.from(navigator.getGamepads()).find(each => each?.connected && each.mapping === 'standard') : null;
   if (!found) { if (pad.held) { pad.held = false; why = 'the gamepad is gone'; } pad.armed = false; return; }

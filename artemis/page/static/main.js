@@ -5,7 +5,7 @@ import * as map from './map.js';
 import * as panels from './panels.js';
 import * as charts from './charts.js';
 import * as acts from './acts.js';
-import {bindInvite, reloadIfOther} from './browser.js';
+import {bindInvite, bindStop, reloadIfOther} from './browser.js';
 
 const $ = id => document.getElementById(id);
 const RETRY = 500, QUIET = 1000, OLD = 1.0;
@@ -40,6 +40,7 @@ function hear(message) {
   if ('path' in message) map.showPath(message.path);
   if (message.about && map.hasPlace()) follow(false);
   if (message.faults) panels.showFaults(message.faults);
+  if (message.progress) panels.showProgress(message.progress);
   if (message.zones) acts.showZones(message.zones);
   if (message.log) {
     panels.showLog(message.log);
@@ -123,14 +124,8 @@ onControl((what, detail) => {
 });
 onHand(showHand);
 
-const press = event => { if (event.button > 0) return; event.preventDefault(); stop(); };
-$('stop').addEventListener('pointerdown', press);
-$('stop').addEventListener('click', event => { if (event.detail === 0) stop(); }); // keyboard, switch, screen reader
+bindStop(stop);
 onPadStop(stop);
-window.addEventListener('keydown', event => {
-  const inButton = event.target instanceof Element && event.target.closest('button, input, textarea, a');
-  if ((event.key === 'Escape' || (event.key === ' ' && !inButton)) && !event.repeat) { event.preventDefault(); stop(); }
-}, true);
 
 $('take').addEventListener('click', take);
 $('give').addEventListener('click', giveBack);

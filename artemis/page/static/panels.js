@@ -1,15 +1,11 @@
 // Everything in words: mode, faults, drives, steps, log.
+import {element} from './browser.js';
+
 const $ = id => document.getElementById(id);
 const SEVERITY = ['', 'warning', 'speed limited', 'controlled stop', 'quick stop', 'drives off'];
 const MARK = ['', '⚠', '⚠', '✖', '✖', '✖']; // signs that plain fonts have
 let about = null, numbered = [], lastStep = -1, lastMode = '';
 
-export function element(name, attributes = {}, ...children) {
-  const made = document.createElement(name);
-  for (const [key, value] of Object.entries(attributes)) if (value !== null && value !== false) made.setAttribute(key, value === true ? '' : value);
-  made.append(...children.filter(child => child !== null));
-  return made;
-}
 export const announce = words => { $('announce').textContent = words; };
 const degrees = angle => angle * 180 / Math.PI;
 const signed = (value, digits) => (value < 0 ? '−' : value > 0 ? '+' : '') + Math.abs(value).toFixed(digits);
@@ -23,7 +19,7 @@ export function showAbout(told) {
   const body = $('drives').querySelector('tbody');
   body.replaceChildren(...told.drives.map(drive => element('tr', {},
     element('th', {scope: 'row'}, drive.name, element('small', {}, ` node ${drive.node}`)), element('td', {class: 'state'}, '–'),
-    element('td', {class: 'number'}, '–'), element('td', {class: 'number'}, '–'), element('td', {class: 'number'}, '–'))));
+    ...['', 'temperature', '', 'heard'].map(name => element('td', {class: `number ${name}`}, '–')))));
   numbered = told.steps.numbered;
   lastStep = -1;
   showSteps(told.steps.tree);
@@ -48,13 +44,16 @@ export function showState(state) {
   const doubt = std ? ` ± ${(Math.sqrt(Math.max(std[0], std[2])) * 100).toFixed(0)} cm, ± ${degrees(Math.sqrt(std[3])).toFixed(1)}°` : '';
   $('pose').firstChild.textContent = state.lost ? 'position lost' : `x ${pose[0].toFixed(2)} m, y ${pose[1].toFixed(2)} m, ${degrees(pose[2]).toFixed(0)}°`;
   $('pose').lastChild.textContent = state.lost ? '' : `${doubt} (${state.source}), driven ${state.distance.toFixed(1)} m`;
-  showDrives(drives, sample);
+  showDrives(drives, sample, state.temperatures);
   showInputs(state.inputs);
   if (state.step !== lastStep) { lastStep = state.step; markStep(); }
+  showRan(state.ran);
 }
 
-function showDrives(drives, sample) {
+function showDrives(drives, sample, temperatures) {
   if ($('drives').hidden) return;
+  const warm = temperatures.some(value => value !== null);
+  for (const cell of $('drives').querySelectorAll('.temperature')) cell.hidden = !warm;
   const rows = $('drives').querySelectorAll('tbody tr');
   drives.forEach(([state, on, age, position], index) => {
     const cells = rows[index]?.children;
@@ -63,9 +62,9 @@ function showDrives(drives, sample) {
     cells[1].classList.toggle('on', on);
     const current = sample[7 + index];
     cells[2].textContent = current === null ? '–' : `${signed(current, 2)} A`;
-    const steers = about.drives[index].name.includes('steer');
-    cells[3].textContent = steers ? `${signed(degrees(position), 1)}°` : `${position.toFixed(2)} m`;
-    cells[4].textContent = age === null ? 'never' : `${(age * 1000).toFixed(0)} ms`;
+    cells[3].textContent = temperatures[index] === null ? '–' : `${temperatures[index].toFixed(0)} °C`;
+    cells[4].textContent = about.drives[index].role === 'steering' ? `${signed(degrees(position), 1)}°` : `${position.toFixed(2)} m`;
+    cells[5].textContent = age === null ? 'never' : `${(age * 1000).toFixed(0)} ms`;
   });
 }
 function showInputs(inputs) {
@@ -95,15 +94,26 @@ export function showFaults(faults, past = false) {
 // ------------------------------------------------------------------------------------------ steps
 
 function showSteps(tree) {
-  $('steps').replaceChildren(tree ? branch(tree.steps ?? []) : element('p', {class: 'hint'}, 'The steps are not known.'));
+  const shown = tree ? branch(tree.steps ?? []) : element('p', {class: 'hint'}, 'The steps are not known.');
+  $('steps').replaceChildren(shown, element('p', {id: 'before', class: 'hint'}));
   markStep();
 }
 function branch(steps) {
   return element('ul', {class: 'tree'}, ...steps.map(step => element('li', {'data-path': step.path},
-    element('span', {class: 'step'}, element('b', {}, step.word), step.text ? ` ${step.text}` : ''),
+    element('span', {class: 'step'}, element('b', {}, step.word), step.text ? ` ${step.text}` : ''), ' ', element('small', {class: 'ran'}),
     step.steps ? branch(step.steps) : null,
     step.beside ? element('div', {class: 'arrow'}, element('em', {}, 'beside'), branch(step.beside)) : null,
     ...(step.arrows ?? []).map(arrow => element('div', {class: 'arrow'}, element('em', {}, arrow.label + (arrow.then ? ` → ${arrow.then}` : '')), arrow.steps.length ? branch(arrow.steps) : null)))));
+}
+let progress = {marks: {}, counts: [], before: ''};
+export function showProgress(told) {
+  progress = told;
+  for (const item of $('steps').querySelectorAll('li')) item.querySelector(':scope > .ran').textContent = told.marks[item.dataset.path] ?? '';
+  $('before').textContent = told.before ? `before: ${told.before}` : '';
+}
+function showRan(ran) {
+  const here = $('steps').querySelector('[aria-current] > .ran');
+  if (here && ran) here.textContent = [...progress.counts, `${ran[0]}x`, `${ran[1].toFixed(0)} s`].join(' · ');
 }
 function markStep() {
   const path = numbered[lastStep];
@@ -119,12 +129,13 @@ function markStep() {
 
 // ------------------------------------------------------------------------------------------ log
 
-const LEVEL = {3: 'warning', 4: 'error'};
+const LEVEL = {3: 'warning: ', 4: 'error: '};
+export const worded = ({level, text}) => (LEVEL[level] ?? '') + text;
 export function showLog(lines) {
   const list = $('log').querySelector('ol');
   for (const line of lines) {
     list.prepend(element('li', {'data-level': line.level},
-      element('time', {}, `${line.time.toFixed(2)} s`), element('b', {}, line.kind), element('span', {}, `${LEVEL[line.level] ? `${LEVEL[line.level]}: ` : ''}${line.text}`)));
+      element('time', {}, `${line.time.toFixed(2)} s`), element('b', {}, line.kind), element('span', {}, worded(line))));
   }
   while (list.children.length > 300) list.lastElementChild.remove();
 }

@@ -1,10 +1,11 @@
 // The list of past runs: what each was, and its replay, report and files.
-import {bindStop, element, longTime, makeIt, place} from './runs_shared.js';
+import {element} from './browser.js';
+import {bindStopNow, longTime, makeIt, place} from './runs_shared.js';
 
 const $ = id => document.getElementById(id);
 const AGAIN = 700, COUNT = 40;
 let wanted = COUNT, shown = new Map(), chosen = [], timer = null, failures = 0;
-bindStop();
+bindStopNow();
 
 async function load() {
   clearTimeout(timer);
@@ -65,6 +66,7 @@ function line({id, name, facts}) {
   box.checked = chosen.includes(id);
   box.disabled = !over;
   box.addEventListener('change', () => choose(id, box.checked));
+  box.addEventListener('keydown', event => { if (event.key === 'Enter') box.click(); }); // the space bar is Stop
   const row = element('li', {class: 'run', 'data-run': id},
     element('label', {class: 'choose'}, box),
     element('div', {class: 'told'},

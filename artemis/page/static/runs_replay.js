@@ -3,7 +3,8 @@ import * as map from './map.js';
 import * as panels from './panels.js';
 import {PastRun} from './runs_data.js';
 import {bindLine, showRuns, showTime} from './runs_line.js';
-import {bindStop, clock, element, longTime, makeIt, place, stateOf} from './runs_shared.js';
+import {element} from './browser.js';
+import {bindStopNow, clock, longTime, makeIt, place, stateOf} from './runs_shared.js';
 
 const $ = id => document.getElementById(id);
 const asked = new URLSearchParams(location.search), id = asked.get('run') ?? '', MOST_OTHERS = 100;
@@ -11,7 +12,7 @@ const OTHER = {light: '#8a2f72', dark: '#e7a3c8'}; // after Okabe and Ito; its w
 const dark = matchMedia('(prefers-color-scheme: dark)');
 const play = window.artemis = {time: 0, playing: false, rate: 1, shown: null};
 let run = null, other = null, shift = 0, partsShown = {}, last = 0, lines = [], stale = true;
-bindStop();
+bindStopNow();
 
 async function opened(which, tell) { // a run with what replays it made; null: it was told why not
   if (!await makeIt(which, 'replay', tell)) return null;
@@ -66,6 +67,7 @@ async function begin() {
 function showFacts() {
   const {index, about} = run;
   const began = new Date(index.start).toLocaleString(undefined, {dateStyle: 'full', timeStyle: 'medium'});
+  $('past-of').textContent = `of ${new Date(index.start).toLocaleString(undefined, {dateStyle: 'medium', timeStyle: 'short'})}: not what the robot does now`;
   $('facts').replaceChildren(...[`${began}, ${longTime(index.end - index.begin)}`, index.outcome ? `ended: ${index.outcome}` : 'broke off', `${index.faults.length} faults`,
     index.problem ? `not whole: ${index.problem}` : '', `${about.robot}, artemis ${index.versions.artemis ?? '?'}`].filter(Boolean).flatMap(words => [words, element('br')]));
 }
@@ -112,6 +114,7 @@ function show() {
     if (name === 'path') map.showPath(part);
     else if (name === 'scan') map.showScan(part);
     else if (name === 'faults') panels.showFaults(part, true);
+    else if (name === 'progress') panels.showProgress(part);
   }
   map.showState(state);
   map.showTrail([...run.wayUntil(time), ...(state.lost ? [] : [state.pose])]);
@@ -200,11 +203,10 @@ map.layers.push((pen, pixel, colours) => {
 
 // ------------------------------------------------------------------------------------------ the log
 
-const LEVEL = {3: 'warning', 4: 'error'};
 function showLog(entries) {
-  lines = entries.map(({time, kind, text, level}) => {
-    const words = `${LEVEL[level] ? `${LEVEL[level]}: ` : ''}${text}`;
-    const button = element('button', {type: 'button', 'data-at': time}, element('time', {}, clock(time, 2)), element('b', {}, kind), element('span', {}, words));
+  lines = entries.map(entry => {
+    const {time, kind, level} = entry;
+    const button = element('button', {type: 'button', 'data-at': time}, element('time', {}, clock(time, 2)), element('b', {}, kind), element('span', {}, panels.worded(entry)));
     return {time, row: element('li', {'data-level': level}, button)};
   });
   $('log').querySelector('ol').replaceChildren(...lines.map(({row}) => row));

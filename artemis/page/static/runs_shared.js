@@ -1,10 +1,6 @@
-// What the pages of past runs share: elements, times, what the third process makes, and Stop for a robot that runs now.
-export function element(name, attributes = {}, ...children) {
-  const made = document.createElement(name);
-  for (const [key, value] of Object.entries(attributes)) if (value !== null && value !== false) made.setAttribute(key, value === true ? '' : value);
-  made.append(...children.filter(child => child !== null && child !== undefined));
-  return made;
-}
+// What the pages of past runs share: times, what the third process makes, and Stop for a robot that runs now.
+import {bindStop, newId} from './browser.js';
+
 
 export const place = id => `/runs/${id.split('/').map(encodeURIComponent).join('/')}`;
 const two = number => String(number).padStart(2, '0');
@@ -43,20 +39,24 @@ export async function makeIt(id, what, tell) { // true: it is there; else it was
   }
 }
 
-const newId = () => Array.from(crypto.getRandomValues(new Uint8Array(8)), byte => byte.toString(16).padStart(2, '0')).join('');
-export function bindStop() { // by a request alone: these pages have no connection for commands
-  const button = document.getElementById('stop'), banner = document.getElementById('banner');
-  const say = words => { banner.textContent = words; banner.hidden = !words; };
-  const stop = async () => {
-    const id = newId();
-    let words = 'Stop was not confirmed. Use the emergency stop on the robot.';
-    try {
-      const answer = await fetch('/stop', {method: 'POST', body: JSON.stringify({t: 'stop', id}), keepalive: true, signal: AbortSignal.timeout(1000)});
-      if (answer.status === 202) words = 'Stop was sent to the robot.';
-      else if (answer.status === 503) words = 'No run takes Stop at present.';
-    } catch { /* it was not confirmed */ }
-    say(words);
-  };
-  button.addEventListener('pointerdown', event => { if (event.button > 0) return; event.preventDefault(); stop(); });
-  button.addEventListener('click', event => { if (event.detail === 0) stop(); });
+// By requests alone, as these pages have no connection for commands: the same press again until it is confirmed.
+const STOP_AGAIN = 300, STOP_FOR = 30000; // [ms]
+export function bindStopNow() {
+  const banner = document.getElementById('banner');
+  let newest = '';
+  bindStop(async () => {
+    const id = newest = newId(), begun = performance.now();
+    const say = words => { if (id === newest) { banner.textContent = words; banner.hidden = false; } };
+    while (id === newest && performance.now() - begun < STOP_FOR) {
+      let status = 0;
+      try {
+        status = (await fetch('/stop', {method: 'POST', body: JSON.stringify({t: 'stop', id}), keepalive: true, signal: AbortSignal.timeout(1000)})).status;
+      } catch { /* not there at present */ }
+      if (status === 202) { say('Stop was sent to the robot.'); return; }
+      if (status === 403 || status === 404) { say(status === 403 ? 'Stop was refused: pair this browser again. Use the emergency stop on the robot.' : 'No robot runs here at present.'); return; }
+      say(`Stop is not confirmed${status === 503 ? ': no run takes it at present' : ''}. It is sent again. Use the emergency stop on the robot.`);
+      await wait(STOP_AGAIN);
+    }
+    say('Stop was not confirmed. Use the emergency stop on the robot.');
+  });
 }

@@ -1,16 +1,10 @@
 // A robot that waits: the missions of its folder, who has control, what was started, and how that ended.
-import {bindInvite, browserName, reloadIfOther} from './browser.js';
+import {bindInvite, browserName, element, reloadIfOther} from './browser.js';
 
 const $ = id => document.getElementById(id);
 const RETRY = 500, READ = 1000;
 let socket = null, told = null, sureAbout = null;
 
-function element(name, attributes = {}, ...children) {
-  const made = document.createElement(name);
-  for (const [key, value] of Object.entries(attributes)) if (value !== null && value !== false) made.setAttribute(key, value === true ? '' : value);
-  made.append(...children.filter(child => child !== null));
-  return made;
-}
 const write = (id, words) => { if ($(id).textContent !== words) $(id).textContent = words; };
 const say = message => { if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message)); };
 

@@ -45,12 +45,15 @@ NARROWEST = 0.2
 """Least 1 - kappa_p e: nearer to the centre of curvature, or beyond it, the law's first term would have no bound."""
 
 
+Positive = Annotated[float, Field(gt=0)]  # of its own: compiled, the other one is no type in a union
+
+
 class FrenetConfig(Config):
     """Keys of `follower: {plugin: frenet, ...}`. All but the speed fit every path and robot as they are."""
 
     speed_m_s: WishedSpeed
     """Highest speed of the virtual front wheel; slower where the steering or a wheel needs it."""
-    approach_m: Annotated[float, Field(gt=0)] | None = None
+    approach_m: Positive | None = None
     """The formulas' a: after which a distance from the path falls to 37 %. None: 1.5 of the robot's smallest radii.
     The heading turns into the approach on half of it (1 / b)."""
     delay_s: Annotated[float, Field(ge=0, le=0.2)] = 0.033

@@ -1,60 +1,38 @@
 """What `ros1`, `ros2` and `rosbridge` share: commands become an operator's wish, a stop is obeyed, poses are passed on.
 
-Messages arrive in another thread, and are taken at the next tick; how old a command is counts from there. Where the
-last one was to stand, silence is rest; where it was to drive, silence is a stop (INP-03).
+Messages arrive in another thread, and are taken by the next tick; how old they are counts from their arrival. Where
+the last command was to stand, silence is rest; where it was to drive, silence is a stop (INP-03). Of what waited while
+the run was held up only a stop has an effect.
 """
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections import deque
-from collections.abc import Callable
-from typing import Annotated, Any, ClassVar, Literal, Protocol, Self
+from collections.abc import Callable, Mapping, Sequence
+from typing import Annotated, ClassVar, Literal, Protocol, Self
 
 from pydantic import Field, model_validator
 
-from artemis.bridges.commands import Command, steered_command, twist_command
-from artemis.bridges.poses import FRAME, GOAL_POSE, INITIAL_POSE, POSE_TYPES, asked_initial_pose, asked_pose
+from artemis.bridges.commands import Command
+from artemis.bridges.poses import GOAL_POSE, INITIAL_POSE, POSE_TYPES
+from artemis.bridges.received import LATE, REQUESTS, Asked, CommandRules, Mailbox, Problem, Received
 from artemis.bridges.ros1.settings import GraphName
-from artemis.clock import wall_date
+from artemis.clock import stopwatch
 from artemis.config import Config
 from artemis.errors import ConfigError, DeviceLost
 from artemis.plugins.contracts import PluginContext
-from artemis.values import LocatedPose, OperatorInput, Request
+from artemis.values import OperatorInput, Request, Tick
 from artemis.vehicle import WishedSpeed
 
 FIND = 3.0
 """A network that never answered is missed after this time [s]."""
 HELD = 0.15
-"""A publisher that drives keeps others out until it was silent for so long [s]; so long an enable counts."""
+"""A publisher that drives keeps others out until it was silent for so long [s]; so long an enable counts, and what is
+asked for may have waited."""
 FORGOTTEN = 0.5
 """A command that nothing followed for so long is one no more [s]: what held the enable button has let go of it."""
-MOST = 64
-"""Messages of a topic that wait for a tick; of more the newest are kept."""
-REQUESTS = {
-    "stop": Request.QUICKSTOP,
-    "acknowledge": Request.ACKNOWLEDGE,
-    "arm": Request.ARM,
-    "end": Request.END,
-    "done": Request.DONE,
-}
-REFUSED = "NET-14"
-BOOL, EMPTY = "std_msgs/msg/Bool", "std_msgs/msg/Empty"
-_TWIST, _STEERED = "geometry_msgs/msg/Twist", "ackermann_msgs/msg/AckermannDrive"
-
-Taker = Callable[[bytes, str], None]
-"""Is given a message and who sent it, in a thread of the network's."""
-
-
-class Messages(Protocol):
-    """How messages of the network are understood; types are written as `geometry_msgs/msg/Twist`."""
-
-    def prepare(self, type: str) -> None:
-        """Have all that `unpack` needs of a type."""
-
-    def unpack(self, type: str, data: bytes) -> object:
-        """A message, its fields as attributes. Raises ValueError: it is none."""
+_NAMES = {request: name for name, request in REQUESTS.items()}
 
 
 class CommandKeys(Config):
@@ -117,6 +95,23 @@ class Ros1CommandKeys(CommandKeys):
     """Of the commands; if left out: cmd_vel, or ackermann_cmd."""
 
 
+class NodeKeys(Protocol):
+    """Of an input that is commanded, and a node."""
+
+    @property
+    def commands(self) -> str:
+        """Its topic."""
+
+    @property
+    def node(self) -> str | None:
+        """Its name; None: that of the input."""
+
+
+def may_share(one: NodeKeys, other: NodeKeys, _files: Mapping[str, bytes]) -> bool:
+    """Whether both hear one topic, or are one node."""
+    return one.commands == other.commands or (one.node is not None and one.node == other.node)
+
+
 class CommandedInput(ABC):
     """An input that is commanded. Nothing is opened before the first tick."""
 
@@ -124,30 +119,39 @@ class CommandedInput(ABC):
     pure: ClassVar[bool] = True
     live: bool = True
 
-    def __init__(self, config: CommandKeys, context: PluginContext, types: Messages) -> None:
+    def __init__(self, config: CommandKeys, context: PluginContext, clock: Callable[[], float] = stopwatch) -> None:
         """Take the robot.
+
+        Args:
+            config: The mission's keys.
+            context: Of the run.
+            clock: Of arrivals [s].
 
         Raises:
             ConfigError: more speed than the robot has.
         """
-        limits = context.robot.limits
         self._top_speed = context.top_speed("max_speed_m_s", config.max_speed_m_s)
-        self._limit, self._wheelbase = math.radians(limits.steering_deg), context.robot.geometry.wheelbase_m
-        self._keys, self._name, self._wake, self._types = config, context.name, context.wake, types
+        self._limit = math.radians(context.robot.limits.steering_deg)
+        self._keys, self._name, self._ignored, self._clock = config, context.name, context.ignored, clock
         self.live = {"acknowledge", "arm"} <= set(config.allow)
         package, *_, kind = config.type.split("/")
-        self._type = f"{package}/msg/{kind}"
-        self._places: dict[str, deque[bytes]] = {name: deque(maxlen=1) for name in POSE_TYPES if name in config.allow}
-        """Poses that have arrived, of each kind the newest."""
-        for type in (self._type, BOOL, *(POSE_TYPES[name] for name in self._places)):
-            types.prepare(type)
+        self._rules = CommandRules(
+            source=context.name,
+            type=f"{package}/msg/{kind}",
+            commands=config.commands,
+            as_angle=config.angular_is == "steering_angle",
+            wheelbase=context.robot.geometry.wheelbase_m,
+            limit=self._limit,
+            by_topic=config.enabled_by == "topic",
+            requests=config.requests,
+            poses=tuple(name for name in POSE_TYPES if name in config.allow),
+        )
+        self._mailbox = Mailbox(context.wake)
         self._opened = False
         self._begun: float | None = None
-        self._arrived: deque[tuple[str, bytes]] = deque(maxlen=MOST)
-        self._enables: deque[bytes] = deque(maxlen=MOST)
-        self._asked: dict[Request, None] = {}
-        self._stopping = False
-        self._problems: list[tuple[str, str]] = []
+        self._asked: list[Asked] = []
+        """Requests of the last sample, whose callers wait for what becomes of them."""
+        self._problems: list[Problem] = []
         self._command = Command()
         self._holder = ""
         self._news = self._enabled_at = -math.inf
@@ -165,19 +169,17 @@ class CommandedInput(ABC):
             except ConfigError as error:
                 raise DeviceLost(self._name, str(error)) from None
             self._opened = True
-        requests = tuple(self._asked)
-        for request in requests:
-            del self._asked[request]
-        self._stopping = Request.QUICKSTOP in requests
-        bad = self._take(now)
-        if now - self._news > FORGOTTEN:
-            self._command = Command()
+        received, time = self._mailbox.take(), self._clock()
+        self._problems += received.problems
+        requests = self._counting(received.asked, time)
+        self._follow(received, time)
         heard, problem = self._heard()
         if problem and not heard and Request.QUICKSTOP not in requests:  # a stop goes first
             if now - self._begun >= FIND:
                 raise DeviceLost(self._name, problem)
-        command = self._command
-        button = command.moves if self._keys.enabled_by == "command" else now - self._enabled_at <= HELD
+        command, age = self._command, max(time - self._news, 0.0)
+        button = command.moves if self._keys.enabled_by == "command" else time - self._enabled_at <= HELD
+        poses = {kind: pose for kind, (at, pose) in received.poses.items() if not self._is_late(kind, time - at)}
         return OperatorInput(
             source=self._name,
             speed=max(min(command.speed, self._top_speed), -self._top_speed),
@@ -185,16 +187,28 @@ class CommandedInput(ABC):
             enabled=button and command.moves,
             neutral=command.rests and (self._keys.enabled_by == "command" or not button),
             requests=requests,
-            age=now - self._news if command.moves else 0.0,
+            age=age if command.moves else 0.0,
             raw=command.raw,
-            axes=(math.nan,) if bad else (),  # out of range: the guard counts such samples (INP-06)
+            axes=(math.nan,) if received.bad else (),  # out of range: the guard counts such samples (INP-06)
             buttons=(button,),
-            goal=None if (goal := self._placed(GOAL_POSE)) is None else goal.pose,
-            initial_pose=self._placed(INITIAL_POSE),
+            goal=None if (goal := poses.get(GOAL_POSE)) is None else goal.pose,
+            initial_pose=poses.get(INITIAL_POSE),
         )
 
-    def take_problems(self) -> list[tuple[str, str]]:
-        """Poses that could not be used since the last call."""
+    def show(self, tick: Tick) -> str:
+        """Answer who called a service, now that it is known what became of it."""
+        asked, self._asked = self._asked, []
+        samples = [sample for sample in tick.snapshot.sensed.inputs if sample.source == self._name]
+        for each in asked:
+            why: str | None = "the input is lost, or was sent what cannot be used"
+            if any(each.request in sample.requests for sample in samples):
+                why = self._ignored(each.request, tick)
+            words = "requested" if why is None else f"ignored, {why}"
+            self._answer(each.numbers, why is None, f"{_NAMES[each.request]}: {words}")
+        return ""
+
+    def take_problems(self) -> list[Problem]:
+        """What could not be used since the last call, and what is wrong with the network."""
         problems, self._problems = self._problems, []
         return problems
 
@@ -212,86 +226,39 @@ class CommandedInput(ABC):
     def _heard(self) -> tuple[bool, str]:
         """Whether somebody publishes commands; and why there is no network (empty: there is one)."""
 
-    def _topics(self) -> dict[str, tuple[str, Taker]]:
-        """What is heard: type and taker by the name of the topic, unresolved."""
-        heard: dict[str, tuple[str, Taker]] = {
-            self._keys.commands: (self._type, lambda data, sender: self._arrived.append((sender, data)))
-        }
-        if self._keys.enabled_by == "topic":
-            heard["enable"] = (BOOL, lambda data, sender: self._enables.append(data))
-        for name, waiting in self._places.items():
-            heard[name] = POSE_TYPES[name], lambda data, sender, waiting=waiting: waiting.append(data)  # type: ignore[misc]
-        for name in self._keys.requests:
-            request = REQUESTS[name]
-            heard[name] = (EMPTY, lambda data, sender, request=request: self._ask(request))  # type: ignore[misc]
-        return heard
-
-    def _ask(self, request: Request) -> None:
-        """Somebody asks for it: in a thread of the network's. Of many stops the first makes a tick of its own."""
-        self._asked[request] = None
-        if request is Request.QUICKSTOP and not self._stopping:
-            self._stopping = True
-            self._wake()
+    @abstractmethod
+    def _answer(self, numbers: Sequence[int], taken: bool, words: str) -> None:
+        """Answer the calls of services that have these numbers: whether they were `taken`, and what became of them."""
 
     # ------------------------------------------------------------------------------------------ in the ticks
 
-    def _take(self, now: float) -> bool:
-        """Take what has arrived, the newest last; whether some of it could not be understood."""
-        bad = False
-        for _ in range(len(self._enables)):
-            try:
-                enabled: Any = self._types.unpack(BOOL, self._enables.popleft())
-            except ValueError:
-                bad = True
+    def _counting(self, asked: Sequence[Asked], time: float) -> tuple[Request, ...]:
+        """What is asked for at `time` [s]; what waited for a run that was held up has no effect, but for a stop."""
+        counting = []
+        for each in asked:
+            if each.request is not Request.QUICKSTOP and self._is_late(_NAMES[each.request], time - each.at):
+                if each.numbers:
+                    self._answer(each.numbers, False, self._problems[-1][1])
                 continue
-            self._enabled_at = now if enabled.data else -math.inf
-        for _ in range(len(self._arrived)):
-            sender, data = self._arrived.popleft()
-            drives = self._command.moves and now - self._news <= HELD
-            if drives and sender != self._holder:
-                continue
-            try:
-                command = self._understood(data)
-            except ValueError:
-                bad = True
-                continue
-            self._command, self._holder, self._news = command, sender, now
-        return bad
+            counting.append(each.request)
+            if each.numbers:
+                self._asked.append(each)
+        return tuple(counting)
 
-    def _placed(self, name: str) -> LocatedPose | None:
-        """The newest pose of a kind that has arrived; of one that cannot be used is told why."""
-        if not (waiting := self._places.get(name)):
-            return None
-        try:
-            return self._pose(name, waiting.popleft())
-        except ValueError as error:
-            self._refuse(name, error)
-            return None
+    def _is_late(self, what: str, age: float) -> bool:
+        """Whether something waited too long; then that is a problem."""
+        if late := age > HELD:
+            self._problems.append((LATE, f"{what}: {age:.1f} s old, without effect; ask again"))
+        return late
 
-    def _refuse(self, name: str, error: ValueError) -> None:
-        self._problems.append((REFUSED, f"{name}: {error}"))
-
-    def _pose(self, name: str, data: bytes) -> LocatedPose:
-        """A pose from its bytes.
-
-        Raises:
-            ValueError: they are none, or why it cannot be used.
-        """
-        message, now = self._types.unpack(POSE_TYPES[name], data), wall_date().timestamp()
-        if name == INITIAL_POSE:
-            return asked_initial_pose(message, now, self._name)
-        return LocatedPose(pose=asked_pose(message, now), frame=FRAME, source=self._name)
-
-    def _understood(self, data: bytes) -> Command:
-        """A command from its bytes.
-
-        Raises:
-            ValueError: they are none, or a number in them is not finite.
-        """
-        message: Any = self._types.unpack(self._type, data)
-        if "Twist" in self._type:
-            twist = message.twist if self._type != _TWIST else message
-            as_angle = self._keys.angular_is == "steering_angle"
-            return twist_command(twist.linear.x, twist.angular.z, self._wheelbase, self._limit, as_angle=as_angle)
-        drive = message.drive if self._type != _STEERED else message
-        return steered_command(drive.speed, drive.steering_angle, self._limit)
+    def _follow(self, received: Received, time: float) -> None:
+        """Take the newest command of who may command, at `time` [s]."""
+        if received.enable is not None:
+            at, value = received.enable
+            self._enabled_at = at if value else -math.inf
+        for sender, at, command in received.commands:
+            drives = self._command.moves and at - self._news <= HELD
+            if not drives or sender == self._holder:
+                self._command, self._holder, self._news = command, sender, at
+        if time - self._news > FORGOTTEN:
+            self._command = Command()

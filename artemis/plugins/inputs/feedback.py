@@ -1,4 +1,4 @@
-"""What an operator feels of the robot in the device in his hand: rumble when it stops, a force that centres a wheel.
+"""What an operator feels and sees of the robot in the device in his hand: a stop, and a force that centres a wheel.
 
 Devices take their time. They are asked in a thread beside the ticks, which is only handed what is to be felt.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import errno
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 
 from artemis.devices.evdev.effects import Motors, find_motors
 from artemis.devices.hid.port import HidInfo
@@ -33,7 +34,7 @@ class Feedback:
         """Begin, without a device.
 
         Args:
-            rumble: The device hums, or is shaken, when the robot stops.
+            rumble: The device hums, or is shaken, when the robot stops, and its lamps are on until it may drive again.
             force: Share of its force by which a wheel is shaken, and centred at `top_speed`, in [0, 1].
             top_speed: [m/s]
             find: Finds the motors of a device; None: those that the kernel shows, or none without a thread.
@@ -55,14 +56,16 @@ class Feedback:
         self._step = 0
         if self._beside is not None:
             self._beside.order(self._hold, [info for info in infos if info is not None])
+            if self._stopped is not None:  # it was stopped without them
+                self._beside.order(self._light)
 
     def show(self, tick: Tick) -> str:
         """Have what the tick did felt; what went wrong since the last call, else nothing."""
         if self._beside is None:
             return ""
         stopped = tick.mode if tick.mode in STOPPED else None
-        if stopped not in (None, self._stopped):
-            self._beside.order(self._tell_stop)
+        if stopped != self._stopped:
+            self._beside.order(self._tell, stopped is not None)
         self._stopped = stopped
         speed = abs(tick.snapshot.odometry.speed)
         step = round(STEPS * min(speed / self._top_speed, 1.0)) if self._force > 0 else 0
@@ -89,12 +92,22 @@ class Feedback:
         if motors is not None and motors.centres:
             self._try(lambda: motors.centre(force))
 
-    def _tell_stop(self) -> None:
-        motors = self._opened() if self._rumble else None
-        if motors is not None and motors.rumbles:
-            self._try(motors.rumble)
-        elif motors is not None and motors.shakes and self._force > 0:
-            self._try(lambda: motors.shake(self._force))
+    def _tell(self, stopped: bool) -> None:
+        if not self._rumble or (motors := self._opened()) is None:
+            return
+
+        def tell() -> None:
+            motors.light(stopped)
+            if stopped and motors.rumbles:
+                motors.rumble()
+            elif stopped and motors.shakes and self._force > 0:
+                motors.shake(self._force)
+
+        self._try(tell)
+
+    def _light(self) -> None:
+        if self._rumble and (motors := self._opened()) is not None:
+            self._try(lambda: motors.light(True))
 
     def _opened(self) -> Motors | None:
         """The motors, opened when they are needed first: a device that was just plugged in may not be permitted yet.
@@ -126,6 +139,8 @@ class Feedback:
         self._infos = []
         if self._force > 0:
             self._centre(0.0)
+        if self._rumble and self._motors is not None:
+            self._try(partial(self._motors.light, False))
         self._close()
 
     def _close(self) -> None:

@@ -22,7 +22,9 @@ from artemis.plugins.contracts import PluginContext
 from artemis.plugins.stated import STALE
 from artemis.values import OperatorInput, Request
 
-LINK_LOST, LATENCY, STALLED = "NET-01", "NET-02", "NET-04"
+LINK_LOST, LATENCY, STALLED, SLOW = "NET-01", "NET-02", "NET-04", "NET-15"
+SLOW_SHARE = 0.8
+"""Of the time for which a command counts: when it is older, the robot drives slowly."""
 
 
 class LinkPort(Protocol):
@@ -59,6 +61,8 @@ class LinkedInput(ABC):
         """
         self._name, self._wake, self._clock = context.name, context.wake, clock
         self._arrived: Arrived | None = None
+        self._seen: Arrived | None = None
+        """The command of the last sample."""
         self._report = LinkReport()
         self._late: tuple[float, float] = (-math.inf, 0.0)
         self._stops = False
@@ -171,6 +175,9 @@ class LinkedInput(ABC):
                 self._problems.append((LATENCY, f"{report.who}: commands are {how_old * 1e3:.0f} ms old"))
             else:
                 self._problems.append((LINK_LOST, f"{report.who}: nothing new for {age * 1e3:.0f} ms"))
+        elif quoted > SLOW_SHARE * self.stale_s and arrived != self._seen:
+            self._problems.append((SLOW, f"{report.who}: {quoted * 1e3:.0f} ms"))
+        self._seen = arrived
         if arrived is None:  # just seated: the first command is on its way
             return OperatorInput(source=self._name, neutral=False, age=age)
         if not arrived.heard:

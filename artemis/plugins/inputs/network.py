@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import socket
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
@@ -21,10 +21,11 @@ from artemis.bridges.operator.pairing import default_place, read_secret
 from artemis.bridges.operator.server import tls_context
 from artemis.bridges.operator.session import Arrived
 from artemis.bridges.operator.status import SHOWN_EVERY, RobotStatus, Welcome, status_of
+from artemis.bridges.places import TakenPlace, port_place
+from artemis.bridges.received import REQUESTS
 from artemis.config import Config
 from artemis.errors import ConfigError
 from artemis.plugins.contracts import PluginContext
-from artemis.plugins.inputs.commanded import REQUESTS
 from artemis.plugins.inputs.linked import LinkedInput, LinkPort
 from artemis.values import Tick
 from artemis.vehicle import WishedSpeed
@@ -56,6 +57,10 @@ class NetworkConfig(Config):
     present in the run."""
     max_speed_m_s: WishedSpeed | None = None
     """Faster commands are cut to this speed of the virtual front wheel; None: the robot's limit."""
+
+    def places(self, name: str) -> Sequence[TakenPlace]:
+        """Its port."""
+        return port_place(self.listen, self.port)
 
 
 class NetworkInput(LinkedInput):

@@ -2,44 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import ClassVar
 
+from artemis.bridges.answers import Answers
+from artemis.bridges.received import Receiver
 from artemis.bridges.ros1.links import Service
 from artemis.bridges.ros1.settings import NodeConfig
 from artemis.bridges.ros1.thread import NodeThread
 from artemis.bridges.ros_types import TRIGGER_MD5, Ros1Types, require_packages, ros1_name
+from artemis.clock import stopwatch
 from artemis.config import Config
 from artemis.plugins.contracts import PluginContext
-from artemis.plugins.inputs.commanded import REQUESTS, CommandedInput, Ros1CommandKeys
+from artemis.plugins.inputs.commanded import CommandedInput, Ros1CommandKeys, may_share
 
 
 class Ros1InputConfig(Ros1CommandKeys, NodeConfig):
     """Keys of an input with `plugin: ros1`."""
+
+    default_node: ClassVar[str] = "artemis_{}"
 
 
 class Ros1Input(CommandedInput):
     """A node that is commanded."""
 
     Config: ClassVar[type[Config]] = Ros1InputConfig
+    may_share = staticmethod(may_share)
 
-    def __init__(self, config: Ros1InputConfig, context: PluginContext) -> None:
-        """Take the robot.
+    def __init__(self, config: Ros1InputConfig, context: PluginContext, clock: Callable[[], float] = stopwatch) -> None:
+        """Take the robot; `clock` of arrivals [s].
 
         Raises:
-            ConfigError: the extra is not installed, or more speed than the robot has.
+            ConfigError: the extra is not installed, this computer has no such address, a variable of ROS is wrong, or
+                more speed than the robot has.
         """
         require_packages(context.name, "ros1", "rosbags")
-        super().__init__(config, context, types := Ros1Types())
-        self._config, self._definitions = config, types
+        config.checked(context.name)
+        super().__init__(config, context, clock)
+        self._config, self._definitions, self._answers = config, Ros1Types(), Answers()
+        self._receiver = Receiver(self._rules, self._definitions, self._mailbox, clock)
         self._thread: NodeThread | None = None
         self._topic = ""
-
-    @staticmethod
-    def may_share(one: Ros1InputConfig, other: Ros1InputConfig, _files: Mapping[str, bytes]) -> bool:
-        """Whether both hear one topic, or are one node."""
-        return one.commands == other.commands or (one.node is not None and one.node == other.node)
 
     def close(self) -> None:
         """Unregister."""
@@ -47,21 +51,31 @@ class Ros1Input(CommandedInput):
             self._thread.close()
 
     def _open(self) -> None:
-        thread = self._thread = NodeThread(self._config, self._name, f"artemis_{self._name}")
+        thread = self._thread = NodeThread(self._config, self._name)
         resolve, node = thread.names.resolve, thread.node
         self._topic = resolve(self._config.commands)
         for name in self._config.requests:
-            node.serve(Service(resolve(name), "std_srvs/Trigger", TRIGGER_MD5, partial(self._answer, name)))
-        for topic, (type, take) in self._topics().items():
-            node.subscribe(resolve(topic), ros1_name(type), self._definitions.definition(type)[1], take)
+            node.serve(Service(resolve(name), "std_srvs/Trigger", TRIGGER_MD5, partial(self._called, name)))
+        for topic, (type, take) in self._receiver.topics().items():
+            md5 = self._definitions.definition(type)[1]
+            leave = None if topic == "stop" else partial(self._leave, topic)
+            node.subscribe(resolve(topic), ros1_name(type), md5, take, leave)
         thread.start()
 
     def _heard(self) -> tuple[bool, str]:
         assert self._thread is not None
         return bool(self._thread.node.subscriptions[self._topic].connected), self._thread.problem
 
-    def _answer(self, name: str) -> bytes:
-        """The response of a Trigger: success, and a message. Called in the node's thread."""
-        self._ask(REQUESTS[name])
-        message = f"{name}: requested".encode()
-        return b"\x01" + len(message).to_bytes(4, "little") + message
+    def _leave(self, topic: str, sender: str) -> None:
+        """A publisher sends what it has kept: perhaps from before the robot was stopped."""
+        self._receiver.too_old(topic, f"kept by {sender} for whoever connects")
+
+    def _answer(self, numbers: Sequence[int], taken: bool, words: str) -> None:
+        if self._thread is not None:
+            self._thread.soon(self._answers.give, numbers, taken, words)
+
+    async def _called(self, name: str) -> bytes:
+        """The response of a Trigger: whether it has an effect, and a message."""
+        taken, words = await self._answers.of(self._receiver.call(name))
+        message = words.encode()
+        return bytes([taken]) + len(message).to_bytes(4, "little") + message

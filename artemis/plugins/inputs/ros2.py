@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Sequence
 from typing import ClassVar, Literal
 
+from artemis.bridges.child_process import ENDED
+from artemis.bridges.received import Problem, Receiver
 from artemis.bridges.ros2.process import NodeProcess
 from artemis.bridges.ros2.settings import Ros2Name, Ros2NodeConfig
 from artemis.bridges.ros_types import require_packages
+from artemis.clock import stopwatch
 from artemis.config import Config
 from artemis.plugins.contracts import PluginContext
-from artemis.plugins.inputs.commanded import CommandedInput, CommandKeys
+from artemis.plugins.inputs.commanded import CommandedInput, CommandKeys, may_share
 from artemis.values import Tick
 
 
@@ -32,18 +35,20 @@ class Ros2Input(CommandedInput):
     """A node that is commanded."""
 
     Config: ClassVar[type[Config]] = Ros2InputConfig
+    may_share = staticmethod(may_share)
 
-    def __init__(self, config: Ros2InputConfig, context: PluginContext) -> None:
-        """Take the robot.
+    def __init__(self, config: Ros2InputConfig, context: PluginContext, clock: Callable[[], float] = stopwatch) -> None:
+        """Take the robot; `clock` of arrivals [s].
 
         Raises:
-            ConfigError: the extra is not installed, a variable of ROS is wrong, or more speed than the robot has.
+            ConfigError: the extra is not installed, this computer has no such address, a variable of ROS is wrong, or
+                more speed than the robot has.
         """
         require_packages(context.name, "ros2", "cyclonedds", "rosbags")
         node = self._node = NodeProcess(config, context.name, f"artemis_{context.name}")
-        super().__init__(config, context, node.types)
+        super().__init__(config, context, clock)
         self._number = -1
-        for topic, (type, take) in self._topics().items():
+        for topic, (type, take) in Receiver(self._rules, node.types, self._mailbox, clock).topics().items():
             resolved = node.names.resolve(topic)
             asked = topic in config.allow or topic == "stop"
             if asked:
@@ -53,16 +58,16 @@ class Ros2Input(CommandedInput):
                 self._number = number if topic == config.commands else self._number
         self._told: set[str] = set()
 
-    @staticmethod
-    def may_share(one: Ros2InputConfig, other: Ros2InputConfig, _files: Mapping[str, bytes]) -> bool:
-        """Whether both hear one topic, or are one node."""
-        return one.commands == other.commands or (one.node is not None and one.node == other.node)
-
     def show(self, tick: Tick) -> str:
-        """Nothing of the tick; tells of publishers that are refused."""
+        """Nothing is answered in ROS 2; tells of publishers that are refused."""
+        super().show(tick)
         new = [words for words in self._node.state.refused if words not in self._told]
         self._told.update(new)
         return "; ".join(new)
+
+    def take_problems(self) -> list[Problem]:
+        """Likewise; and that the process of DDS ended, and is back."""
+        return [*super().take_problems(), *((ENDED, words) for words in self._node.take_words())]
 
     def close(self) -> None:
         """Leave."""
@@ -73,3 +78,6 @@ class Ros2Input(CommandedInput):
 
     def _heard(self) -> tuple[bool, str]:
         return self._node.senders(self._number) > 0, self._node.problem
+
+    def _answer(self, numbers: Sequence[int], taken: bool, words: str) -> None:
+        """There are no services."""

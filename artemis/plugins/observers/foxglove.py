@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from importlib.util import find_spec
+from logging import INFO, Handler, LogRecord, getLogger
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from artemis.bridges.addresses import ListenAddress
+from artemis.bridges.addresses import ListenAddress, check_listen
+from artemis.bridges.complaints import Complaints
+from artemis.bridges.places import TakenPlace, port_place
 from artemis.bridges.ros_types import Ros2Types
 from artemis.bridges.stamps import Stamps
 from artemis.bridges.topics import Topics
@@ -40,6 +44,10 @@ class FoxgloveObserverConfig(Config):
     queue: Annotated[int, Field(ge=1, le=10_000)] = QUEUE
     """Messages that wait for a slow viewer; then the oldest are dropped."""
 
+    def places(self, name: str) -> Sequence[TakenPlace]:
+        """Its port."""
+        return port_place(self.listen, self.port)
+
 
 class FoxgloveObserver:
     """A server that tells what it sees. In a run its port is taken when it is made. It takes no commands."""
@@ -59,6 +67,7 @@ class FoxgloveObserver:
         for package in ("foxglove", "rosbags"):
             if find_spec(package) is None:
                 raise ConfigError(f"{context.name}: plugin: foxglove needs the package {package}: {INSTALL}")
+        check_listen(context.name, config.listen)
         self._stamps, self._types = Stamps(), Ros2Types(TYPES)
         self._topics = Topics(context.robot, context.routes, every=config.every, map=context.map)
         self._channels: dict[str, Channel] = {}
@@ -67,6 +76,7 @@ class FoxgloveObserver:
         self._new: set[str] = set()
         """Topics that somebody has subscribed to since the last tick."""
         self._server: Any = None
+        self._slow, self._complaints = _SlowViewers(), Complaints(context.name, "viewer")
         self._group: Context | None = None
         """Without it its channels are closed."""
         self._begun = False
@@ -99,14 +109,15 @@ class FoxgloveObserver:
             self._channels[topic.name].log(data, log_time=stamp)
 
     def take_problems(self) -> list[tuple[str, str, str]]:
-        """There are none that the package tells of."""
-        return []
+        """That a viewer is too slow, once. How many messages that cost the package does not tell."""
+        return self._complaints.new("", int(self._slow.seen), closed=False)
 
     def close(self) -> None:
         """Leave."""
         server, self._server = self._server, None
         if server is not None:
             server.stop()
+            self._slow.close()
 
     def _open(self, config: FoxgloveObserverConfig, name: str) -> None:
         from foxglove import Channel, Context, Schema, start_server
@@ -125,6 +136,7 @@ class FoxgloveObserver:
             self._channels[topic.name] = Channel(
                 "/" + topic.name.lstrip("/"), message_encoding="cdr", schema=schema, context=group
             )
+        self._slow.listen()
         try:
             self._server = start_server(
                 name="artemis",
@@ -136,3 +148,28 @@ class FoxgloveObserver:
             )
         except RuntimeError as error:
             raise ConfigError(f"{name}: {config.listen}, port {config.port}: {error}") from None
+
+
+class _SlowViewers(Handler):
+    """Hears the package say that a viewer does not take what it is sent."""
+
+    SAID_BY = "foxglove.websocket.connected_client.send_lossy"
+
+    def __init__(self) -> None:
+        super().__init__(INFO)
+        self.seen = False
+
+    def listen(self) -> None:
+        """From now on."""
+        logger = getLogger(self.SAID_BY)
+        logger.setLevel(INFO)
+        logger.addHandler(self)
+
+    def emit(self, record: LogRecord) -> None:
+        """In a thread of the package's, or in that which logs."""
+        self.seen = True
+
+    def close(self) -> None:
+        """No more."""
+        getLogger(self.SAID_BY).removeHandler(self)
+        super().close()

@@ -45,9 +45,10 @@ class Ros1Observer:
         """Take the robot, and the paths that are known.
 
         Raises:
-            ConfigError: the extra is not installed.
+            ConfigError: the extra is not installed, this computer has no such address, or a variable of ROS is wrong.
         """
         require_packages(context.name, "ros1", "rosbags")
+        config.checked(context.name)
         self._config, self._name = config, context.name
         self._topics = Topics(
             context.robot, context.routes, every=config.every, transforms=config.transforms, map=context.map
@@ -61,11 +62,7 @@ class Ros1Observer:
         self._complaints, self._closed = Complaints(context.name, "subscriber"), False
 
     def see(self, tick: Tick, traffic: Traffic, now: float) -> None:
-        """Publish a tick.
-
-        Raises:
-            ConfigError: this computer has no such address, or one of ROS' variables is wrong.
-        """
+        """Publish a tick."""
         stamp = self._stamps.stamp(tick.snapshot.time)
         if (thread := self._thread) is None:
             thread = self._thread = self._begun()
@@ -88,7 +85,7 @@ class Ros1Observer:
             self._thread.close()
 
     def _begun(self) -> NodeThread:
-        thread = NodeThread(self._config, self._name, "artemis")
+        thread = NodeThread(self._config, self._name)
         for topic in self._topics.topics:
             self._resolved[topic.name] = resolved = thread.names.resolve(topic.name)
             text, md5 = self._types.definition(topic.type)

@@ -6,7 +6,8 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from artemis.bridges.complaints import FAILED
+from artemis.bridges.child_process import ENDED
+from artemis.bridges.complaints import Complaints
 from artemis.bridges.ros2.process import NodeProcess
 from artemis.bridges.ros2.settings import Ros2NodeConfig
 from artemis.bridges.ros_types import require_packages
@@ -38,13 +39,15 @@ class Ros2Observer:
     Config: ClassVar[type[Config]] = Ros2ObserverConfig
     contract: ClassVar[int] = 1
     live: ClassVar[bool] = True
+    own_process: ClassVar[bool] = True
+    """Messages are packed there; DDS has another one beside it, which is begun again without it."""
     pure: ClassVar[bool] = True
 
     def __init__(self, config: Ros2ObserverConfig, context: PluginContext) -> None:
         """Take the robot, and the paths that are known.
 
         Raises:
-            ConfigError: the extra is not installed, or a variable of ROS is wrong.
+            ConfigError: the extra is not installed, a variable of ROS is wrong, or this computer has no such address.
         """
         require_packages(context.name, "ros2", "cyclonedds", "rosbags")
         self._name, self._stamps = context.name, Stamps()
@@ -62,15 +65,11 @@ class Ros2Observer:
             )
             for topic in self._topics.topics
         }
-        self._begun = self._silent = False
-        self._told: set[str] = set()
+        self._complaints = Complaints(context.name, "subscriber")
+        self._begun = self._closed = False
 
     def see(self, tick: Tick, traffic: Traffic, now: float) -> None:
-        """Publish a tick.
-
-        Raises:
-            ConfigError: this computer has no such address.
-        """
+        """Publish a tick."""
         stamp, node = self._stamps.stamp(tick.snapshot.time), self._node
         if not self._begun:
             node.start()
@@ -83,17 +82,14 @@ class Ros2Observer:
             self._put(told)
 
     def take_problems(self) -> list[tuple[str, str, str]]:
-        """That it is not heard, once as long as that lasts; a subscriber that is refused, or too slow, once."""
-        state, problem = self._node.state, self._node.problem
-        lasting = [problem] if problem and not self._silent else []
-        self._silent = bool(problem)
-        slow = ["a subscriber is too slow: messages for it are dropped"] if state.dropped else []
-        new = [words for words in (*state.refused, *slow) if words not in self._told]
-        self._told.update(new)
-        return [(FAILED, self._name, words) for words in (*lasting, *new)]
+        """That the process of DDS ended, and is back; a subscriber that is refused, or too slow, once."""
+        node = self._node
+        said = [(ENDED, self._name, words) for words in node.take_words()]
+        return said + self._complaints.new("", node.dropped, closed=self._closed, refused=node.state.refused)
 
     def close(self) -> None:
         """Leave."""
+        self._closed = True
         self._node.close()
 
     def _put(self, told: Told) -> None:

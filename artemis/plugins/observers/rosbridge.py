@@ -5,24 +5,27 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Annotated, ClassVar
 
+import msgspec
 from pydantic import Field
 
+from artemis.bridges.addresses import check_listen
 from artemis.bridges.complaints import Complaints
 from artemis.bridges.json_messages import JsonMessages
-from artemis.bridges.rosbridge.server import RosbridgeServer, require_websockets
+from artemis.bridges.rosbridge.server import RosbridgeServer, listening_at, require_websockets
 from artemis.bridges.rosbridge.session import QUEUE, Message, Offer, Outgoing
-from artemis.bridges.rosbridge.settings import ServerConfig
+from artemis.bridges.rosbridge.settings import INPUT_PORT, PortConfig
 from artemis.bridges.stamps import Stamps
 from artemis.bridges.topics import Told, Topics
 from artemis.config import Config
 from artemis.devices.can_bus import Traffic
+from artemis.errors import ConfigError
 from artemis.plugins.contracts import PluginContext
 from artemis.values import Tick
 
 PORT = 9090
 
 
-class RosbridgeObserverConfig(ServerConfig):
+class RosbridgeObserverConfig(PortConfig):
     """Keys that a mission may write beside `plugin: rosbridge` under `observers`."""
 
     port: Annotated[int, Field(ge=0, le=65535)] = PORT
@@ -50,9 +53,12 @@ class RosbridgeObserver:
         """Take the robot, and the paths that are known.
 
         Raises:
-            ConfigError: the extra is not installed, the port is in use, or this computer has no such address.
+            ConfigError: the extra is not installed, the port is in use, this computer has no such address, or the
+                mission has no such input.
         """
         require_websockets(context.name)
+        check_listen(context.name, config.listen)
+        inputs = "" if config.inputs is None else _input_at(context.name, config.inputs, context.mission)
         self._stamps, self._messages = Stamps(), JsonMessages(config.ros)
         self._topics = Topics(
             context.robot, context.routes, every=config.every, transforms=config.transforms, map=context.map
@@ -64,13 +70,11 @@ class RosbridgeObserver:
             "/rosapi/topic_type": lambda told: {"type": self._types.get(_absolute(str(told.get("topic", ""))), "")},
             "/rosapi/services": lambda _: {"services": sorted(services)},
         }
-        elsewhere = "" if config.inputs is None else f"port {config.inputs}"
-        offer = Offer(told=told, services=services, elsewhere=elsewhere)
+        offer = Offer(told=told, services=services, elsewhere=inputs)
         self.server: RosbridgeServer | None = None
         if context.run is not None:  # not where a mission is only checked
-            self.server = RosbridgeServer(
-                config, context.name, config.port, offer, queue=config.queue, inputs=config.inputs
-            )
+            listening = listening_at(context.name, config.listen, config.port)
+            self.server = RosbridgeServer(context.name, listening, offer, config, queue=config.queue, inputs=inputs)
         self._complaints = Complaints(context.name, "client")
         self._begun = self._closed = False
 
@@ -103,3 +107,19 @@ class RosbridgeObserver:
 
 def _absolute(name: str) -> str:
     return "/" + name.lstrip("/")
+
+
+def _input_at(name: str, port: int, mission: bytes) -> str:
+    """The URL of the mission's input with this plugin that has a port; `name` of the observer.
+
+    Raises:
+        ConfigError: there is none.
+    """
+    inputs = msgspec.json.decode(mission)["inputs"].values() if mission else ()
+    served = {keys.get("port", INPUT_PORT): keys.get("listen") for keys in inputs if keys["plugin"] == "rosbridge"}
+    if mission and port not in served:
+        ports = ", ".join(map(str, served)) or "there is none"
+        raise ConfigError(f"{name}: inputs: {port} is the port of no input with plugin: rosbridge ({ports})")
+    listen = served.get(port) or "127.0.0.1"
+    host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(listen, listen)
+    return f"ws://[{host}]:{port}/" if ":" in host else f"ws://{host}:{port}/"

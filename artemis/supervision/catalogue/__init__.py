@@ -19,6 +19,8 @@ ROWS: dict[str, Row] = {**DRIVES, **COMMUNICATION, **MOTION, **INPUTS, **SURROUN
 """Every row by its id."""
 
 UNKNOWN_CODE, DAMAGED_EMERGENCY = "DRV-31", "DRV-32"
+POWER_LOST = "DRV-04", "DRV-29"
+"""Of a power stage that has nothing to work with: under-voltage, and open safe torque off."""
 
 
 def fault(id: str, device: str = "", detail: str = "", severity: Severity | None = None) -> Fault:

@@ -342,6 +342,7 @@ COMMUNICATION: dict[str, Row] = {
         within=0.15,
         of="time between two heartbeats of ours [s]",
         stages=(Threshold(WARN, 0.1), Threshold(S2, 0.15)),
+        shows_as=("DRV-38",),
     ),
     "COM-32": Row(
         "no drive present",

@@ -70,7 +70,7 @@ DRIVES: dict[str, Row] = {
         "corrupt parameters",
         BOOT,
         "stored parameters were corrupt, its defaults are loaded",
-        "gains and motor data are the factory's: restore them with the maker's tool before you go on",
+        "gains and motor data are the factory's: restore them with the maker's tool before you continue",
     ),
     "DRV-10": _row("hardware defect", X, "hardware defect, or it did not start up", "switch it off and on; replace it"),
     "DRV-11": _row(
@@ -147,8 +147,8 @@ DRIVES: dict[str, Row] = {
     ),
     "DRV-28": _row("overloaded", K, "controller overloaded", "send it less: lower tick_hz"),
     "DRV-29": _row(
-        "safe torque off", K, "safe torque off while it was enabled", "who opened the STO inputs? close them"
-    ),
+        "safe torque off", K, "safe torque off", "who opened the STO inputs, or pressed the emergency stop? close them"
+    )._replace(reason="its STO inputs are open when it does not enable"),
     "DRV-30": Row(
         "error reset",
         Found.DESIGN,
@@ -191,10 +191,13 @@ DRIVES: dict[str, Row] = {
     "DRV-38": _row(
         "late set-points",
         automatic(1, _TEN),
-        "set-points came too late: the computer stalled",
-        "see the journal for late ticks; who else needs the processor?",
+        "set-points came too late",
+        "one drive alone: its cable, its plug; several, or late ticks in the journal: who else needs the processor?",
     ),
     "DRV-39": _row("drive watchdog", BOOT, "its own watchdog expired", "the node is reset and configured again"),
     "DRV-40": _row("controller gain", K, "its regulator gains do not fit", "si_gains in the robot file; tune it anew"),
     "DRV-41": _row("auto tuning", K, "its auto tuning failed", "another program tunes it: end that first"),
+    "DRV-42": _row(
+        "extension card", K, "its extension card does not answer", "is it seated? switch the drive off and on"
+    ),
 }

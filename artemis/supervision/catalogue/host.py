@@ -20,7 +20,7 @@ from artemis.supervision.catalogue.row import (
 _TEN = 10 * MINUTE
 _LOADING, _EDGE, _DESIGN, _ABSENT = Found.LOADING, Found.EDGE, Found.DESIGN, Found.ABSENT
 _BATTERY, _INPUT = "needs `battery` in the robot file, and a voltage that is measured", "needs an input pair"
-_HOST_DEAD = ("DRV-20",)
+_HOST_DEAD = ("DRV-20", "DRV-38")
 
 HOST: dict[str, Row] = {
     "MIS-01": Row("mission file unreadable", _LOADING, within=0.0),
@@ -40,7 +40,7 @@ HOST: dict[str, Row] = {
         "plugin answered late",
         "it must return within 15 ms",
         within=0.08,
-        shows_as=("PTH-09",),
+        shows_as=("PTH-09", "DRV-38"),
     ),
     "PLG-04": Row(
         "plugin holds the interpreter",
@@ -87,6 +87,7 @@ HOST: dict[str, Row] = {
         within=0.08,
         of="tick too late [s]",
         stages=(Threshold(S2, 0.02, 0.039), Threshold(S2, 0.06)),
+        shows_as=("DRV-38",),
     ),
     "SYS-02": Row(
         "wall clock jumps", _DESIGN, recovery=ITSELF, reason="control reads the monotonic clock of the loop alone"
@@ -101,6 +102,7 @@ HOST: dict[str, Row] = {
         to_fault=True,
         of="tick too late [s]",
         stages=(Threshold(S1, 0.15),),
+        shows_as=_HOST_DEAD,
     ),
     "SYS-04": Row(
         "artemis itself fails",

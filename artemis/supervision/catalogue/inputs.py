@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from artemis.supervision.catalogue.row import ITSELF, MINUTE, S1, S2, WARN, Found, K, Row, Threshold, automatic
+from artemis.supervision.catalogue.row import ITSELF, LIMIT, MINUTE, S1, S2, WARN, Found, K, Row, Threshold, automatic
 
 _TEN = 10 * MINUTE
 _SEEN, _ABSENT, _DESIGN = Found.MEASURED, Found.ABSENT, Found.DESIGN
@@ -125,7 +125,7 @@ INPUTS: dict[str, Row] = {
     "NET-03": Row(
         "jitter",
         Found.EDGE,
-        WARN,
+        LIMIT,
         ITSELF,
         "commands of the operator come unevenly",
         "radio; other traffic",
@@ -143,7 +143,7 @@ INPUTS: dict[str, Row] = {
     "NET-05": Row(
         "loss",
         Found.EDGE,
-        WARN,
+        LIMIT,
         ITSELF,
         "commands of the operator are missing",
         "something between the computers drops them: TCP alone does not",
@@ -199,7 +199,7 @@ INPUTS: dict[str, Row] = {
         Found.EDGE,
         S1,
         K,
-        "Stop was pressed on a page that was not told of the robot",
+        "Stop was pressed on a page that received nothing from the robot",
         "look at the robot; the network, the page's process; an old tab",
         within=0.1,
     ),
@@ -214,12 +214,12 @@ INPUTS: dict[str, Row] = {
         within=6.0,
     ),
     "NET-13": Row(
-        "process of an observer ended",
+        "process of a plugin ended",
         Found.EDGE,
         WARN,
         ITSELF,
         "has a process of its own, which had to be started again",
-        "see the reason; what other programs were not told meanwhile is lost to them, not to the recording",
+        "see the reason; other programs missed what happened meanwhile, the recording has it",
         within=2.0,
     ),
     "NET-14": Row(
@@ -230,5 +230,14 @@ INPUTS: dict[str, Row] = {
         "was given a goal or an initial pose that cannot be used",
         "see the reason: the frame is `map`, and the stamp of now",
         within=0.1,
+    ),
+    "NET-15": Row(
+        "slow link",
+        Found.EDGE,
+        LIMIT,
+        ITSELF,
+        "commands of the operator are late",
+        "the network is slow, or busy",
+        within=0.24,
     ),
 }

@@ -158,7 +158,7 @@ MOTION: dict[str, Row] = {
         within=0.42,
         of="set-point less measured angle [rad]",
         stages=(Threshold(S1, radians(3.0), 0.38),),
-        shows_as=("STE-06",),
+        shows_as=("STE-06", "DRV-38"),
     ),
     "STE-02": Row(
         "steering stall",

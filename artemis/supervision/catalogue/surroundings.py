@@ -1,4 +1,4 @@
-"""Faults of what tells where the robot is and where it shall go: scanner, localisation, path."""
+"""Faults of scanners, localisation and paths."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SURROUNDINGS: dict[str, Row] = {
         Found.MEASURED,
         S2,
         automatic(5, _TEN),
-        "the scanner tells the same again and again",
+        "the scanner sends the same scan again and again",
         "switch it off and on",
         within=0.17,
         of="a scan that came before, or five that are equal",
@@ -117,7 +117,7 @@ SURROUNDINGS: dict[str, Row] = {
         "the localizer is not sure where the robot is",
         "does what it sees look as on the map? drive by hand to where it does",
         within=0.12,
-        of="how sure the localizer is of itself: 0 sure, 1 lost; a robot that stands goes on once it is found",
+        of="uncertainty that the localizer reports: 0 sure, 1 lost; a robot that stands continues once it is localised",
         stages=(Threshold(LIMIT, 0.5, 1.0), Threshold(S2, 0.999)),
     ),
     "LOC-04": Row(
@@ -125,8 +125,8 @@ SURROUNDINGS: dict[str, Row] = {
         Found.EDGE,
         S2,
         ITSELF,
-        "the localizer tells poses that cannot be true",
-        "see what it told; fix the plugin",
+        "the localizer reports impossible poses",
+        "see the poses in the recording; fix the plugin",
         within=0.4,
     ),
     "LOC-05": Row(
@@ -134,7 +134,7 @@ SURROUNDINGS: dict[str, Row] = {
         Found.MEASURED,
         S2,
         ITSELF,
-        "the localizer tells poses of the future, or older than two seconds",
+        "the localizer reports poses of the future, or older than two seconds",
         "its clock, and what delays it",
         within=0.7,
         of="such ones of its last ten",
@@ -153,7 +153,7 @@ SURROUNDINGS: dict[str, Row] = {
         Found.EDGE,
         WARN,
         ITSELF,
-        "what the robot sees does not fit where somebody says that it is",
+        "the scans do not fit the pose that was given",
         "give the pose again, nearer, and with the heading that it has",
     ),
     "PTH-01": Row("path missing", _LOADING, within=0.0),
@@ -198,5 +198,22 @@ SURROUNDINGS: dict[str, Row] = {
         "drove on beyond the end of the path",
         "follower, speed",
     ),
-    "PTH-09": Row("follower late", Found.EDGE, S2, K, "answered late", "it must return within 15 ms", within=0.08),
+    "PTH-09": Row(
+        "follower late",
+        Found.EDGE,
+        S2,
+        K,
+        "answered late",
+        "it must return within 15 ms",
+        within=0.08,
+        shows_as=("DRV-38",),
+    ),
+    "PTH-10": Row(
+        "planning ended",
+        Found.MODE,
+        S2,
+        K,
+        "the process that plans routes and fits paths has ended",
+        "is this computer's memory full? the system ends what takes too much; acknowledge, and it is started again",
+    ),
 }

@@ -30,6 +30,9 @@ ASTRAY = ("STE", "CAL", "RUN")
 """Nor one with such a fault roll as it is steered."""
 NEAR = 1.2
 """It stands for nothing farther from its outline [m]."""
+UNSEEN, CRAWLS = 0.5, 0.16
+"""What stood nearer to its outline [m] when the run began may have been too near for a scanner: nobody knows of it,
+and the robot drives no faster [m/s] at first."""
 WALKS_ON = 2.0
 """Somebody who walks comes so much nearer meanwhile [m]."""
 
@@ -72,11 +75,11 @@ def touches_nothing(e: Evidence) -> Iterator[Violation]:
     helpless = min((i.time for i in e.injected if _helps_not(i, expectation(i, e))), default=math.inf)
     slow, blind_back = e.rules.get("mode") == "slow", e.rules.get("unseen_reverse") == "allowed"
     for thing in _things(e.world, moments.time):
-        touched = _within(e, thing, moments, 0.0)
+        touched, unseen = _within(e, thing, moments, 0.0), bool(_within(e, thing, moments, UNSEEN)[0])
         for at in np.flatnonzero(touched[1:] & ~touched[:-1]) + 1:
             time, speed = float(moments.time[at]), float(moments.speed[at])
             allowed = STANDS if thing.walks[at] else 0.0
-            allowed = max(allowed, CREEPS) if slow else allowed
+            allowed = max(allowed, CREEPS if slow else 0.0, CRAWLS if unseen else 0.0)
             if abs(speed) > allowed and time < helpless and not (blind_back and speed < 0.0):
                 yield Violation("I14", time, f"touches {thing.name} at {speed:+.2f} m/s")
                 return

@@ -42,8 +42,8 @@ W, E, M, H, F, START = When.WATCHED, When.ENABLED, When.MOVING, When.BY_HAND, Wh
 HARMLESS, UNTOLD = Expected(When.HARMLESS, stop=""), Expected(When.UNTOLD, stop="")
 _CUT = ("01", "02", "03", "04", "05", "06", "07", "08", "11", "12", "13", "14", "15", "28", "31")
 """Drive errors after which the drive is off at once (EPOS firmware specification 2010, 12.2)."""
-_CUT_4 = ("09", "10", "17", "29", "34", "35", "36", "37", "39", "41")
-"""Those that only an EPOS4 has."""
+_CUT_4 = ("09", "10", "17", "29", "34", "35", "36", "37", "39", "41", "42")
+"""Those that only later generations have."""
 _BRAKED = ("16", "18", "19", "20", "21", "22", "23", "24", "25", "26", "27")
 """Those after which it stops by its own ramp first."""
 UNHEARD = Expected(W, 0.1, ("COM-01",), coasts=True)

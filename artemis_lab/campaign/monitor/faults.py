@@ -215,7 +215,8 @@ def _from_start(e: Evidence) -> Iterator[Violation]:
     ready = e.journal.next_mode(0.0, "ready")
     for injected in e.injected:
         expected = expectation(injected, e)
-        lasts = injected.until == inf and injected.options.get("count") is None
+        again = [other for other in e.injected if (other.id, other.node) == (injected.id, injected.node)]
+        lasts = injected.until == inf and injected.options.get("count") is None and len(again) == 1  # one may end all
         if expected.when is When.FROM_START and injected.time < LISTENING and lasts and ready is not None:
             shown = [line for line in e.journal.of("fault") if line.time <= ready]
             if not any(line.data["id"] in expected.shows for line in shown):

@@ -166,7 +166,9 @@ def drives_watch(e: Evidence) -> Iterator[Violation]:
             since = next((begin for begin, end in armed if begin < e.beat_before(look.time) < look.time < end), None)
             forced = any(i.id == "SYS-10" and i.node == name and 0 <= look.time - i.time < silent for i in e.injected)
             if since is not None and not forced:
-                yield Violation("I7", look.time, f"{name} goes on {silent * 1000:.0f} ms after the last heartbeat")
+                yield Violation(
+                    "I7", look.time, f"{name} stays enabled {silent * 1000:.0f} ms after the last heartbeat"
+                )
                 break
 
 
@@ -230,7 +232,7 @@ def steering_holds(e: Evidence) -> Iterator[Violation]:
                 continue
             since = max((time for time, mode in e.journal.modes if mode in STOPPED and time <= event.time), default=0.0)
             if event.time - since < longest:
-                text = f"the {side} steering drive is told 0x{event.controlword:02X} at {look.speed:+.2f} m/s"
+                text = f"the {side} steering drive is commanded 0x{event.controlword:02X} at {look.speed:+.2f} m/s"
                 yield Violation("I8", event.time, text)
                 break
 

@@ -1,0 +1,91 @@
+"""The conditions of a mission: which signals they may ask for, and what is wrong in them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import pairwise
+from typing import Any
+
+from artemis.errors import ConfigError
+from artemis.progress import MEASURED, OF_BATTERY, OWN_STEPS
+from artemis.states.condition import Condition, SignalKind, comparisons, names_asked, parse
+from artemis.states.outcomes import NO_BATTERY, NOT_MEASURED, StepFacts
+from artemis.states.outline import Path, keys_of, parts_of, steps_in
+
+UNTIL = "until"
+"""The key of a behaviour that artemis reads as a condition."""
+LONGEST = 1000
+"""Characters."""
+_NUMBER, _TRUTH = SignalKind(kind=float), SignalKind(kind=bool)
+ROUND = {"round": _NUMBER}
+"""What only conditions within a `repeat` may ask for."""
+
+
+def declared_signals(steps: Any, inputs: Iterable[str], facts: StepFacts) -> dict[str, SignalKind]:  # noqa: ANN401
+    """What conditions of a mission may ask for, `ROUND` apart; `steps`: in its file's own form."""
+    asks = (keys_of(body).get("answers") for _, word, body in steps_in(steps) if word == "ask")
+    answers = [answer for given in asks for answer in parts_of(given) if isinstance(answer, str)]
+    return {
+        **dict.fromkeys(MEASURED, _NUMBER),
+        **({"answer": SignalKind(kind=str, values=tuple(dict.fromkeys(answers)))} if answers else {}),
+        **{f"{name}.{button}": _TRUTH for name in inputs for button in ("done", "record")},
+        **{name: _NUMBER for behaviour in facts.behaviours.values() for name in behaviour.signals},
+    }
+
+
+def conditions_in(
+    steps: Any,  # noqa: ANN401 (of a file)
+    declared: Mapping[str, SignalKind],
+    facts: StepFacts,
+    *,
+    complete: bool,
+) -> tuple[dict[Path, Condition], list[tuple[Path, str]]]:
+    """The conditions of a mission by their paths, and what is wrong with them.
+
+    Args:
+        steps: in its file's own form.
+        declared: what they may ask for.
+        facts: which of that is measured.
+        complete: all steps can be read. Else others may declare what a condition asks for.
+    """
+    found: dict[Path, Condition] = {}
+    problems: list[tuple[Path, str]] = []
+    for path, text in _texts(steps):
+        known = {**declared, **(ROUND if _repeats(path) else {})}
+        if not complete and not known.keys() >= names_asked(text):
+            continue
+        try:
+            found[path] = parse(text, known)
+        except ConfigError as error:
+            problems += [(path, problem) for problem in error.problems]
+            continue
+        asked = {part.signal for part in comparisons(found[path])}
+        if not facts.has_battery:
+            problems += [(path, f"{name}: {NO_BATTERY}") for name in sorted(asked.intersection(OF_BATTERY))]
+        if not facts.measures_supply:
+            told = asked.intersection(("battery_v", *(OF_BATTERY if facts.has_battery else ())))
+            problems += [
+                (path, f"{name}: {NOT_MEASURED}, or use a time, such as run_s > 3600") for name in sorted(told)
+            ]
+    return found, problems
+
+
+def _texts(steps: Any) -> Iterator[tuple[Path, str]]:  # noqa: ANN401 (of a file)
+    for path, word, body in steps_in(steps):
+        keys = keys_of(body)
+        given: list[tuple[Path, Any]] = []
+        if word == "wait":
+            given = [((*path, "for"), keys.get("for"))]
+        elif word == "repeat" or word not in OWN_STEPS:
+            given = [((*path, UNTIL), keys.get(UNTIL))]
+        elif word in ("during", "choose"):
+            at, branches = ((*path, "when"), keys.get("when")) if word == "during" else (path, body)
+            given = [((*at, index, "if"), keys_of(each).get("if")) for index, each in enumerate(parts_of(branches))]
+        for place, text in given:
+            if isinstance(text, str) and 0 < len(text) <= LONGEST:
+                yield place, text
+
+
+def _repeats(path: Path) -> bool:
+    """Whether a condition is asked in a `repeat`, or ends it."""
+    return any(word == "repeat" and isinstance(index, int) for index, word in pairwise(path))

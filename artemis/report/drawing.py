@@ -1,0 +1,13 @@
+"""Whether figures can be drawn: by matplotlib, which is an extra, as the report of a run needs none."""
+
+from importlib.util import find_spec
+
+from artemis.errors import ConfigError
+
+INSTALL = "pip install 'artemis-robot[figures]'"
+
+
+def check_figures(what: str) -> None:
+    """Nothing, where `what` can draw figures. Raises ConfigError."""
+    if find_spec("matplotlib") is None:
+        raise ConfigError(f"{what} draws figures, and needs the package matplotlib: {INSTALL}")
