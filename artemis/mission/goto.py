@@ -25,11 +25,11 @@ MOST_OFF = 0.3
 
 
 class AskedGoal(Config):
-    """A goal that somebody gives while the step runs, over an input."""
+    """A goal that an operator or a program sets while the step runs, over an input."""
 
     from_input: Annotated[str, Field(min_length=1)]
     """One of the mission's `inputs`, which allows it: `allow: [goal_pose]`. The robot stands until the goal comes;
-    another one on the way replaces it, once the robot stands."""
+    a new one during the drive replaces it, once the robot stands."""
 
 
 def _kind_of(to: object) -> str:
@@ -39,7 +39,7 @@ def _kind_of(to: object) -> str:
 
 
 class Goto(Config):
-    """Drive to a place on a map, on a route that is planned for it; another one where something stands in the way."""
+    """Drive to a place on a map, on a route that is planned for it; replan where an obstacle blocks it."""
 
     map: FileName
     """A map's YAML file, as of map_server. Zones and places stand beside it: of `hall.yaml` in `hall.zones.yaml`."""

@@ -135,7 +135,7 @@ class EndWord(Config):
     outcome: Literal["done", "failed"] = "done"
     """failed: exit status 1."""
     say: Text | None = None
-    """What people are told."""
+    """The message that is shown to the operator."""
 
 
 class MissionPart(Config):
@@ -169,7 +169,7 @@ class Step(Config):
     teleop: Teleop | None = None
     ask: Ask | None = None
     say: Text | None = None
-    """Tell people something."""
+    """Show a message to the operator."""
     repeat: RepeatWord | None = None
     try_: TryWord | None = Field(default=None, alias="try")
     during: DuringWord | None = None
