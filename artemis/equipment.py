@@ -13,11 +13,14 @@ from artemis.devices.device import Actuators, Device, DeviceGroup
 from artemis.devices.drive import Drives
 from artemis.devices.reopening import ReopeningBus
 from artemis.devices.supply import SupplyMeter
-from artemis.mission.loading import LoadedMission
+from artemis.devices.track_fitter import TrackFitter, TrackUse
+from artemis.mission.actions import Follow, Recorded
+from artemis.mission.loading import LoadedMission, plugin_from
 from artemis.mission.schema import BusWords
 from artemis.planning import plugin_made, scanners_used, setup_for
 from artemis.plugins.registry import SCANNERS
 from artemis.plugins.scanning import ScannerDevice
+from artemis.plugins.stated import follower_speed
 from artemis.recording.provenance import ResumePoint
 from artemis.values import Pose, Tick
 
@@ -91,6 +94,8 @@ def opened(
 
         virtual = isinstance(loop, SimulatedLoop)
         actuators.append(RoutePlanner(loaded.robot, loaded.destinations, zoned_floor, virtual=virtual))
+    if uses := _track_uses(loaded):
+        actuators.append(TrackFitter(loaded.robot, uses, virtual=isinstance(loop, SimulatedLoop)))
     alone = len(actuators) + len(others) == 1
     return Equipment(
         devices=drives if alone else DeviceGroup(tuple(loaded.robot.drives), actuators, others),
@@ -99,6 +104,20 @@ def opened(
         world=world,
         true_pose=_true_pose(loaded, localized, resume_point, world),
     )
+
+
+def _track_uses(loaded: LoadedMission) -> dict[int, TrackUse]:
+    """How steps want what is recorded before them, by their numbers."""
+    found = {}
+    for number, (_, step) in enumerate(loaded.tree.steps):
+        if isinstance(follow := step.action, Follow) and isinstance(follow.path, Recorded):
+            found[number] = TrackUse(
+                speed=follower_speed(plugin_from("artemis.followers", follow.follower)[1]),
+                close_within=follow.path.close_within_m,
+                round_corners=follow.wanted["round_corners"],
+                allow_slowdown=follow.wanted["allow_slowdown"],
+            )
+    return found
 
 
 def _supply_meters(loaded: LoadedMission, drives: Drives) -> list[SupplyMeter]:

@@ -115,12 +115,13 @@ def _follow_step(loaded: LoadedMission, number: int, action: Follow) -> FollowSt
     return FollowStep(
         route=loaded.routes[number] if recorded is None else recorded.recorded,
         follower=made(plugin, config, setup_for(loaded, action.follower.plugin)),
-        close_within=0.0 if recorded is None else recorded.close_within_m,
         nearest=action.start == "nearest",
         max_cross_track=action.max_cross_track_m,
         speed=follower_speed(config),
         obstacles=None if action.obstacles is None else rules_for(action.obstacles, loaded.robot),
-        **action.wanted,
+        laps=action.laps,
+        from_end=action.from_end,
+        backward=action.wanted["backward"],
     )
 
 

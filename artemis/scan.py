@@ -54,7 +54,7 @@ class Scan(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
 class ObstacleRules(Struct, frozen=True, kw_only=True, gc=False):
     """What the robot does about obstacles in one of the mission's steps."""
 
-    mode: str = "off"  # stop; slow: it does not stop for them; off: they are not looked at
+    mode: str = "off"  # stop; slow: it creeps instead of stopping; off: they are ignored
     margin: float = 0.08  # the outline counts as so much larger on every side [m]
     clear: float = 0.05  # it stops so far before contact of that [m]
     blocked_after: float = 30.0  # a step of the mission waits no longer for a free path [s]
@@ -68,6 +68,7 @@ class Clearance(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False)
     speed: float = inf  # of the virtual wheel, from which it still stops in time [m/s]
     distance: float = inf  # that it may drive [m]
     blocked: float = 0.0  # how long it has stood for an obstacle [s]; 0: it does not
+    unseen: bool = False  # it stands because the ground was not seen
 
 
 def _numbers(packed: bytes) -> NDArray[np.uint16]:

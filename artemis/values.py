@@ -97,13 +97,14 @@ class JobKind(Enum):
     STORE = "store"  # all parameters of the drive, for ever (0x1010)
     DISARM = "disarm"  # switch the heartbeat consumer off, read it back, enter Pre-Operational
     PLAN = "plan"  # a route for step `value` of the mission, from here; its `values`: of `motion.planned_route`
+    FIT = "fit"  # a path through the recorded poses `values` for step `value`, likewise
 
 
 RESETS = {"": 0.0, "communication": 1.0, "node": 2.0}  # `value` of the job SECURE, by the NMT reset that goes before
 
 
 class Job(Struct, frozen=True, kw_only=True, gc=False):
-    """One order to one drive, or to the planner of routes; `id` is unique in a run."""
+    """One order to one drive, or to what plans routes and fits paths; `id` is unique in a run."""
 
     id: int
     kind: JobKind
@@ -130,8 +131,7 @@ class BusHealth(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False)
     foreign: tuple[int, ...] = ()  # identifiers that only we may send, heard from somebody else
     refused: int = 0  # most frames in a row that the adapter did not take
     error_frames: int = 0
-    blocked: tuple[str, ...] = ()
-    """Frames of ours that the allow-list held back, each with its reason and where it came from."""
+    blocked: tuple[str, ...] = ()  # frames of ours that the allow-list held back: why, and from where each came
 
 
 class Sensed(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):

@@ -145,11 +145,12 @@ def bench_goto(
     goals: Annotated[int, typer.Option(metavar="N", min=1, help="Number of goals, in runs of five.")] = 30,
     seed: Annotated[int, typer.Option(help="Set the seed of the first run.")] = 1,
     workers: Annotated[int, typer.Option(metavar="N", min=1, help="Use this many processes.")] = 2,
+    blind: Annotated[bool, typer.Option("--blind", help="Drive without scanner and obstacle stop.")] = False,
 ) -> None:
     """Drive to random goals on three kinds of map in simulation; count goals reached and contacts."""
     from artemis_lab.commands.bench_goto import measure
 
-    raise typer.Exit(int(not measure(goals, seed, workers)))
+    raise typer.Exit(int(not measure(goals, seed, workers, blind=blind)))
 
 
 @bench.command("operator")

@@ -151,7 +151,7 @@ def pytest_runtest_makereport(
     """
     report = yield
     excused = item.get_closest_marker("realtime") and not item.config.getoption("late")
-    if report.failed and excused and (why := lateness.excuse(call.start, call.stop)):
+    if report.failed and excused and (why := lateness.excuse(call.start, call.stop, report.longreprtext)):
         reason = f"this machine is {TOO_BUSY} ({why}): {report.longreprtext}"
         report.outcome, report.longrepr = "skipped", (str(item.path), item.location[1] or 0, reason)
     return report

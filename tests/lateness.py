@@ -29,8 +29,13 @@ def _watch() -> None:
             _late.append((time.time(), late))
 
 
-def excuse(begun: float, ended: float) -> str:
-    """Why a failure in real time between two dates [s] proves nothing; empty: it does prove something."""
+def excuse(begun: float, ended: float, shown: str) -> str:
+    """Why a failure in real time between two dates [s] proves nothing; empty: it does prove something.
+
+    A run that it shows may have stopped for the late host itself.
+    """
+    if "SYS-01" in shown:
+        return shown[shown.index("SYS-01") :].splitlines()[0]
     if late := max((late for at, late in _late if begun < at < ended + SYS_01), default=0.0):
         return f"{1000 * late:.0f} ms late"
     return "more than twice as many programs want to run as there are processors" if _is_busy() else ""

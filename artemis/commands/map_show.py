@@ -1,4 +1,4 @@
-"""`artemis map show`: what is true of a map, of its loops, and a figure of it all."""
+"""`artemis map show`: facts about a map and its loops, and a figure."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from artemis.mapping.map_file import read_map
 from artemis.mapping.occupancy import FREE, OCCUPIED, OccupancyMap
 from artemis.mapping.se2 import between, wrapped
 from artemis.mission.loading import load_model
-from artemis.motion.planned_route import planned_route
+from artemis.motion.planned_route import unpacked_route
 from artemis.motion.route import Route
 from artemis.report.drawing import check_figures
 from artemis.route_planning.floor import MARGIN, floor_from, goal_problem
@@ -105,7 +105,7 @@ def planned(content: OccupancyMap, zones: MapZones, begin: str, end: str, robot_
     found = plan_route(RouteRequest(floor=floor, robot=robot, start=poses[0], goal=poses[1], speed=speed))
     if not found.values:
         raise ConfigError(f"from {begin} to {end}: {found.detail}")
-    return planned_route(found.values, robot, speed)
+    return unpacked_route(found.values)
 
 
 def _pose(option: str, words: str, zones: MapZones) -> Pose:

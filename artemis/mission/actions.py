@@ -213,7 +213,7 @@ class Follow(Config):
 
     @property
     def wanted(self) -> dict[str, Any]:
-        """How its path is wanted: words of `artemis.motion.fitting.route_for`, and of `FollowStep`."""
+        """How its path is wanted: words of `artemis.motion.fitting.route_for`."""
         lines = isinstance(self.path, Waypoints)
         return {
             "laps": self.laps,

@@ -18,14 +18,15 @@ from artemis.vehicle import RobotFile
 
 NARROW = 0.03
 """Around the outline the robot stops for what comes so near [m], where a mission says nothing: it drives near walls."""
-BEYOND = 0.02
-"""Routes are free by so much more than that [m]: the robot is not exactly on them."""
+BEYOND = 0.07
+"""Routes are free by so much more than that [m]: the robot is not exactly on them, and a scanner measures some cm too
+little, by its noise and its systematic error."""
 MOST_OFF = 0.3
 """Farther from its route the robot is lost [m]."""
 
 
 class AskedGoal(Config):
-    """A goal that an operator or a program sets while the step runs, over an input."""
+    """A goal that an input gives while the step runs."""
 
     from_input: Annotated[str, Field(min_length=1)]
     """One of the mission's `inputs`, which allows it: `allow: [goal_pose]`. The robot stands until the goal comes;
@@ -55,12 +56,12 @@ class Goto(Config):
     follower: FollowerUse = FollowerUse()
     """What steers and drives along the route; all keys but `speed_m_s` are those of the plugin."""
     blocked_after_s: Positive | None = None
-    """If it stands for an obstacle for longer and plans no more, it ends with the outcome `blocked`; if left out, as
-    `obstacles` say."""
+    """If the robot stands for an obstacle for longer, and no further route is planned, the step ends with the outcome
+    `blocked`; if left out, as in `obstacles`."""
     replans: Annotated[int, Field(ge=0, le=100)] = 3
-    """So often another route is planned where something stands on the present one."""
+    """How many times another route is planned when something stands on the present one."""
     obstacles: Obstacles | None = None
-    """In this step; if left out, as in the mission, and else within 3 cm around the outline."""
+    """In this step; if left out, as in the mission, and else with 3 cm around the outline."""
 
     @property
     def place(self) -> str:

@@ -62,7 +62,7 @@ class GotoChecks(MissionReading):
             goal=pose,
             speed=goto.speed_m_s,
             margin=margin,
-            forward_first=rules is not None and rules.mode != "off" and not rules.unseen_reverse,
+            over_known=rules is not None and rules.mode != "off" and not rules.unseen_reverse,
         )
 
     def _check_asked(self, at: KeyPath, name: str, inputs: Configs) -> None:

@@ -58,8 +58,10 @@ class LoadedMission:
     """Content of every file that the mission names, by the name as written there."""
     folder: FilePath
     """Where relative names start."""
+    ignored: tuple[str, ...] = ()
+    """Where the robot may touch what its scanners could see, in words."""
     remarks: tuple[str, ...] = ()
-    """What was changed in a path so that the robot can drive it."""
+    """That, and what was changed in a path so that the robot can drive it."""
     routes: Mapping[int, Route]
     """What is followed by the steps that name a path file, by the step's number."""
     destinations: Mapping[int, Destination]
@@ -148,6 +150,7 @@ class _Loading(SurroundingsChecks):
             self._check_mapping(robot)
         scenery, grid = self._scenery()
         self._check_steps(robot, inputs)
+        self._check_view(robot)
         self._check_initial_poses(inputs)
         self._check_faults(robot, inputs)
         self._check_policies()
@@ -169,7 +172,8 @@ class _Loading(SurroundingsChecks):
             documents=self._documents,
             files=self._files,
             folder=self._folder,
-            remarks=(*self._remarks, *far_starts(self._data["steps"], self._routes, pose)),
+            ignored=tuple(self._ignored),
+            remarks=(*self._ignored, *self._remarks, *far_starts(self._data["steps"], self._routes, pose)),
             routes=self._routes,
             destinations=self._destinations,
             tree=tree,

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from artemis.axles import ByHand
@@ -11,7 +13,7 @@ from artemis.mission.actions import Calibrate, Follow, MeasureSteering, Recorded
 from artemis.mission.by_hand import Teleop
 from artemis.mission.goto import Goto
 from artemis.mission.goto_checks import GotoChecks
-from artemis.mission.obstacles import Obstacles, check_obstacles
+from artemis.mission.obstacles import Obstacles, check_obstacles, ignored
 from artemis.mission.order import CALIBRATED, TIME, Facts, why_not
 from artemis.mission.problems import nearest
 from artemis.mission.reading import Configs
@@ -24,7 +26,7 @@ from artemis.plugins.stated import STALE, follower_speed, input_speed, stale_lim
 from artemis.states.outcomes import step_facts
 from artemis.states.outline import behaviours_in, numbered, steps_in
 from artemis.vehicle import RobotFile
-from artemis.yaml_file import KeyPath
+from artemis.yaml_file import KeyPath, dotted
 
 if TYPE_CHECKING:
     from artemis.mission.tree import MissionTree
@@ -34,6 +36,13 @@ NO_RECORD = "; no step before has `record:`"
 
 class StepChecks(GotoChecks):
     """Notes what is wrong in the steps."""
+
+    def __init__(self, path: Path, simulate: bool = False, page: Mapping[str, Any] | None = None) -> None:
+        super().__init__(path, simulate, page)
+        self._stops_for_obstacles = False
+        """In one of them, at least."""
+        self._ignored: list[str] = []
+        """Where the robot may touch obstacles."""
 
     def _tree(self, mission: Mission | None) -> MissionTree | None:
         """The tree of a mission; None: something is wrong in it."""
@@ -51,6 +60,8 @@ class StepChecks(GotoChecks):
         if obstacles is not None and robot is not None:
             for problem in check_obstacles(obstacles, robot, simulated=self._simulated):
                 self._complain((*at, "obstacles"), problem)
+            if (words := ignored(obstacles, robot)) is not None:
+                self._ignored.append(f"{dotted((*at, 'obstacles'))}: {words}")
 
     def _check_steps(self, robot: RobotFile | None, inputs: Configs) -> None:
         steps = self._data.get("steps")
@@ -67,13 +78,17 @@ class StepChecks(GotoChecks):
                 self._complain(path, f"calibrate first: {why}")
             if word == "stop" and path != ("steps", len(given) - 1, "stop"):
                 self._complain(path, "ends the mission: it can only be the last step")
+        usual = self._part(Obstacles, "obstacles") if "obstacles" in self._data else Obstacles()
         alone = len(list(steps_in(given))) == 1
-        for number, (path, _, _) in enumerate(numbered(given)):
+        for number, (path, word, _) in enumerate(numbered(given)):
             step = self._part(Step, *path[:-1])
             if step is None:
                 continue
-            if isinstance(step.action, Follow | Goto | Teleop):
-                self._check_obstacles(path, step.action.obstacles, robot)
+            own = step.action.obstacles if isinstance(step.action, Follow | Goto | Teleop) else None
+            self._check_obstacles(path, own, robot)
+            rules = own or usual
+            if (word == "teleop" or facts.follows(word)) and rules is not None and rules.mode == "stop":
+                self._stops_for_obstacles = True
             if isinstance(step.action, Follow) and isinstance(step.action.path, Recorded) and path in before:
                 self._check_recorded(path, step.action.path.recorded, before[path], given)
             self._check_step(number, path, step, robot, inputs, alone=alone)

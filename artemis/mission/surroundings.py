@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from artemis.errors import ConfigError
 from artemis.mission.problems import nearest
 from artemis.mission.step_checks import StepChecks
+from artemis.plugins.stated import field_of
 from artemis.yaml_file import KeyPath, read
 
 if TYPE_CHECKING:
@@ -44,6 +45,27 @@ class SurroundingsChecks(StepChecks):
                 if robot is not None and name not in robot.scanners:
                     hint = nearest(name, robot.scanners, "scanners")
                     self._complain((*part, name), f"the robot has no such scanner{hint}")
+
+    def _check_view(self, robot: RobotFile | None) -> None:
+        """That a robot that is to stop for obstacles can see them."""
+        if robot is None or robot.outline is None or not robot.scanners or not self._stops_for_obstacles:
+            return
+        from artemis.motion.lane import unseen_ahead
+        from artemis.plugins.registry import SCANNERS, load
+
+        try:
+            fields = {name: field_of(load(SCANNERS, mounting.plugin)) for name, mounting in robot.scanners.items()}
+        except ConfigError:  # reported where the scanners are read
+            return
+        if (unseen := unseen_ahead(robot, fields)) is not None:
+            right, left = (100.0 * place for place in unseen)
+            where = f"from {right:+.0f} to {left:+.0f} cm, left positive"
+            problem = (
+                f"no scanner sees all of the ground ahead before the robot drives over it ({where}): it could not "
+                "drive forwards. Correct heading_deg or mask, add a scanner that looks ahead, or write in the mission "
+                "why it need not: obstacles: {mode: off, reason: ...}"
+            )
+            self._problems.append(self._documents[self._robot_source].problem(("scanners",), problem))
 
     def _check_loads(self, robot: RobotFile | None) -> None:
         """Loads on which gains act, of drives whose gains are known."""

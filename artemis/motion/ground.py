@@ -1,9 +1,9 @@
-"""Ground that the robot drove over or saw to be free a short time ago: where it may drive backwards without looking."""
+"""Ground that the robot drove over or saw to be free a short time ago: where it may drive without looking."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from math import cos, inf, sin
+from collections.abc import Collection, Sequence
+from math import ceil, cos, hypot, inf, pi, radians, sin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,25 +22,40 @@ CELLS = 256
 """In each direction, a power of two; the grid goes round: what is 12.8 m away takes the place of what was here."""
 MEMORY = 60.0
 """Of what was seen or driven [s]."""
-STEP, TURN = 0.04, 0.05
-"""The ground is marked again after so much distance [m] or rotation [rad]."""
-AROUND = 0.7
-"""Ground is looked at this far around the outline [m]."""
+STEP, TURN, EVERY = 0.04, 0.05, 1.0
+"""The ground is marked again after so much distance [m] or rotation [rad], or so long [s]."""
+AROUND, BEFORE_MASK = 0.7, 2.0
+"""Ground is looked at this far around the outline [m]; where a scanner has a mask, so far ahead and behind: what
+will be hidden is seen before."""
 SHRUNK = 0.03
 """The outline is looked for this much smaller than it is [m]: cells at its edge are there to half."""
 AHEAD = 0.3
-"""Known ground is looked for this far back [m]: a robot that drives slowly stops within less."""
+"""Where no scanner looks, known ground is looked for this far [m]: a robot that drives slowly stops within less."""
+ASIDE = radians(45.0)
+"""Scanners look ahead, or back, if their fields of view reach this far to both sides of there; whatever is masked."""
 
 
 class Ground:
     """A grid in the frame of the odometry, with the time at which each of its cells was known to be free."""
 
-    def __init__(self, box: Rectangle, views: Iterable[View]) -> None:
-        """`box`: the outline; `views`: of the scanners."""
-        self._beside = _cells(box.grown(AROUND), CELL)
+    def __init__(self, box: Rectangle, views: Collection[View], reach: float) -> None:
+        """Begin.
+
+        Args:
+            box: the outline.
+            views: of the scanners.
+            reach: the robot stops within less [m].
+        """
+        around = box.grown(AROUND)
+        if any([view.has_mask for view in views]):
+            around = Rectangle(box.rear - BEFORE_MASK, box.front + BEFORE_MASK, around.half_width)
+        self._beside = _cells(around, CELL)
         self._under = _cells(box, CELL / 2)
         self._edge = _border(box.grown(-SHRUNK))
         self._eyes = [_Eye(view, self._beside) for view in views]
+        self._views = tuple(views)
+        self._ends = {forward: _End(box, views, reach, forward=forward) for forward in (True, False)}
+        self._fit()
         self.forget()
 
     def forget(self) -> None:
@@ -48,34 +63,116 @@ class Ground:
         self._when = np.full(CELLS * CELLS, -inf)
         self._who = np.zeros(CELLS * CELLS, dtype=np.int64)
         self._pose: Pose | None = None
+        self._marked, self._began = -inf, Pose()
 
     def mark(self, pose: Pose, time: float) -> None:
         """What the robot stands on at a run time [s], and what its scanners see to be free."""
+        for view, shape in zip(self._views, self._shapes, strict=True):
+            if view.shape != shape:
+                self._fit()
         last, self._at = self._pose, pose
         if last is not None:
-            turned = abs(pose.heading - last.heading) > TURN
-            if not turned and abs(pose.x - last.x) + abs(pose.y - last.y) < STEP:
+            stands = abs(pose.x - last.x) + abs(pose.y - last.y) < STEP and abs(pose.heading - last.heading) <= TURN
+            if stands and time - self._marked < EVERY:
                 return
-        self._pose = pose
+        else:
+            self._began = pose
+        self._pose, self._marked = pose, time
         free = [self._beside.take(eye.free(), axis=1) for eye in self._eyes if eye.view.millimetres.size]
         place, who = _numbers(placed_points(pose, np.concatenate([self._under, *free], axis=1)))
         self._when[place], self._who[place] = time, who
 
-    def known(self, curvatures: Sequence[float], now: float) -> list[float]:
-        """How far back the robot may roll on each arc over ground that was known in the last `MEMORY` [m]."""
+    def _fit(self) -> None:
+        """Look again at what the scanners look at: one of them measures otherwise than before."""
+        self._shapes = [view.shape for view in self._views]
+        for end in self._ends.values():
+            end.fit()
+        self.faced = {forward: end.faced for forward, end in self._ends.items()}
+        """Whether scanners look where the robot drives to, forwards (True) and backwards, whatever is masked."""
+
+    def known(self, curvatures: Sequence[float], now: float, *, forward: bool) -> list[float] | None:
+        """How far the robot may roll on each arc over ground that was known in the last `MEMORY` [m].
+
+        Where the scanners look, only what their masks hide has to be known. None: they look at all of it.
+        """
         assert self._pose is not None
-        there = [_rolled(self._at, curvature, -distance) for curvature in curvatures for distance in _DISTANCES]
-        x, y, c, s = np.array(there).T[:, :, np.newaxis]
+        end = self._ends[forward]
+        hidden = end.hidden if end.faced else None
+        if end.faced and hidden is None:
+            return None
+        distances, sign = _DISTANCES if hidden is None else end.distances, 1.0 if forward else -1.0
+        at = self._at if hidden is None else Pose()
+        rolled = [_rolled(at, curvature, sign * distance) for curvature in curvatures for distance in distances]
+        x, y, c, s = np.array(rolled).T[:, :, np.newaxis]
         along, beside = self._edge
-        place, who = _numbers(np.array([x + c * along - s * beside, y + s * along + c * beside]))
-        fresh = ((self._when[place] >= now - MEMORY) & (self._who[place] == who)).all(axis=1)
+        points = np.array([x + c * along - s * beside, y + s * along + c * beside])
+        if hidden is None:
+            known = self._is_known(points, now)
+        else:
+            there = placed_points(self._at, points)
+            known = ~end.among(hidden, points) | self._is_known(there, now) | self._was_near(there)
         found = []
-        for each in fresh.reshape(len(curvatures), -1).tolist():
-            found.append(inf if all(each) else _DISTANCES[each.index(False)] - CELL)
+        for each in known.all(axis=1).reshape(len(curvatures), -1).tolist():
+            found.append(inf if all(each) else distances[each.index(False)] - CELL)
+        return found
+
+    def _is_known(self, points: Array, now: float) -> NDArray[np.bool_]:
+        """Of points in the frame of the odometry."""
+        place, who = _numbers(points)
+        return np.asarray((self._when[place] >= now - MEMORY) & (self._who[place] == who))
+
+    def _was_near(self, points: Array) -> NDArray[np.bool_]:
+        """Of points in the frame of the odometry, shape (2, n, m): nearer to a scanner than it sees as all this began.
+
+        Nobody knows of them, masked or not: the robot drives slowly until they are behind it.
+        """
+        found = np.zeros(points.shape[1:], np.bool_)
+        for eye in self._eyes:
+            x, y = points - placed_points(self._began, eye.view.place)[:, :, np.newaxis]
+            near = eye.view.least / 1000.0 + 1.5 * CELL
+            found |= x * x + y * y < near * near
         return found
 
 
 _DISTANCES = tuple(CELL * number for number in range(1, round(AHEAD / CELL) + 1))
+
+
+class _End:
+    """One end of the robot: whether the scanners look away from it, and what their masks hide there.
+
+    Cells before the end in the robot's frame, row 0 at the end itself.
+    """
+
+    def __init__(self, box: Rectangle, views: Collection[View], reach: float, *, forward: bool) -> None:
+        self._views = tuple(views)
+        self._heading, self._sign = (0.0, 1.0) if forward else (pi, -1.0)
+        self._edge = box.front if forward else box.rear
+        self.distances = tuple(CELL * number for number in range(1, ceil(reach / CELL) + 1))
+        rows = len(self.distances)
+        self._half = ceil((hypot(max(box.front, -box.rear), box.half_width) + reach) / CELL)
+        x = self._edge + self._sign * CELL * (np.arange(rows) + 0.5)
+        y = CELL * (np.arange(-self._half, self._half) + 0.5)
+        self._middles = np.array(np.meshgrid(x, y, indexing="ij"))
+
+    def fit(self) -> None:
+        """Look again at what the scanners look at."""
+        views = [view for view in self._views if view.shape is not None]
+        around = self._heading + np.linspace(-ASIDE, ASIDE, 91)
+        seen, hidden = np.zeros(around.shape, np.bool_), np.ones(self._middles.shape[1:], np.bool_)
+        for view in views:
+            seen |= view.has_beams(around)
+            hidden &= ~view.looks_at_all_of(self._middles, CELL)
+        self.faced = bool(seen.all())
+        self.hidden = hidden if hidden.any() else None
+        """The cells that no scanner looks at all of; None: there are none."""
+
+    def among(self, hidden: NDArray[np.bool_], points: Array) -> NDArray[np.bool_]:
+        """Which points in the robot's frame lie in such cells."""
+        row = np.floor(self._sign * (points[0] - self._edge) / CELL).astype(np.int64)
+        column = np.floor(points[1] / CELL).astype(np.int64) + self._half
+        rows, columns = hidden.shape
+        within = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        return np.asarray(within & hidden[np.where(within, row, 0), np.where(within, column, 0)])
 
 
 class _Eye:
@@ -86,6 +183,7 @@ class _Eye:
         bearings, distances = view.directions(places)
         far = 1000.0 * distances
         self._there = np.flatnonzero(far > view.least)
+        self._places_there = places.take(self._there, 1)
         self._bearings, self._far = bearings[self._there], far[self._there] + 1000.0 * CELL
         self._shape: tuple[float, float, int] | None = None
 
@@ -95,6 +193,8 @@ class _Eye:
             self._shape = self.view.shape
             beams = self.view.beams_past(self._bearings)
             looked = beams >= 0
+            if not self.view.unmasked.all():
+                looked &= self.view.looks_at_all_of(self._places_there, CELL)
             self._places, self._beams, self._limits = self._there[looked], beams[looked], self._far[looked]
         return self._places[self.view.millimetres[self._beams] > self._limits]
 

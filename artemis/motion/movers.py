@@ -18,7 +18,7 @@ GAP = 0.2
 WIDEST = 0.9
 """What is wider is a wall, of which one sees now this part and now that [m]."""
 FEWEST = 3
-"""Of fewer returns nobody can say where their middle is."""
+"""With fewer returns the position of their middle is too uncertain."""
 BASE = 0.25, 0.45
 """Motion is measured over so long [s]: the nearest scan within."""
 FASTEST, SLOWEST = 3.0, 0.35

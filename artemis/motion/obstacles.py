@@ -26,7 +26,7 @@ CREEP = 0.1
 UNKNOWN_SPEED, UNKNOWN_DISTANCE = 0.15, 0.5
 """What stood within the least range when the run began was never seen: so slow [m/s], for so far [m]."""
 REVERSE_SPEED = 0.2
-"""Backwards where no scanner looks [m/s]."""
+"""Backwards, or forwards, where no scanner looks [m/s]."""
 UNSEEING_SPEED = 0.3
 """With `obstacles: off` [m/s]."""
 SLOW_SPEED = 0.1
@@ -63,11 +63,13 @@ class ObstacleStop:
         self._horizon = top * (REACTION + LOST) + top * top / (2.0 * self._deceleration) + SPARE
         lookahead = REACTION + top / self._deceleration + MEASURED
         reach = self._horizon + max(self._box.front, -self._box.rear) + self._box.half_width
+        rules = tuple(rules)
         reach += max([_farther(each) + max(each.margin - USUAL.margin, 0.0) for each in rules], default=0.0)
         self._views = {name: View(scanner, self._box, reach, lookahead) for name, scanner in robot.scanners.items()}
-        self._ground = Ground(self._box, self._views.values())
+        horizon = self._horizon + max(map(_farther, rules), default=0.0)
+        self._ground = Ground(self._box, self._views.values(), horizon)
         self._low_since = self._free_since = self._blocked_since = inf
-        self._at = 0.0
+        self._at, self._unseen = 0.0, False
         self.reset()
 
     def reset(self) -> None:
@@ -127,7 +129,8 @@ class ObstacleStop:
             if now - self._low_since >= BLOCKED_TIME:
                 self._blocked_since = min(self._blocked_since, self._low_since)
         if self._blocked_since < inf:
-            return Clearance(speed=0.0, distance=found.distance, blocked=now - self._blocked_since)
+            blocked = now - self._blocked_since
+            return Clearance(speed=0.0, distance=found.distance, blocked=blocked, unseen=self._unseen)
         return found if found.speed < self._top else None
 
     def _free(self, wanted: float, steering: float, now: float, rules: ObstacleRules, *, forward: bool) -> Clearance:
@@ -137,7 +140,6 @@ class ObstacleStop:
         if age == inf:
             return Clearance(speed=0.0, distance=0.0)
         reaction = REACTION + max(age, 0.0)
-        seen = forward or any([view.looks_back for view in views])
         turned = min(max(wanted - steering, -self._rate * reaction), self._rate * reaction)
         angles = [min(max(steering + turned * arc, -self._steering), self._steering) for arc in ARCS]
         angles = angles if turned else angles[:1]
@@ -145,11 +147,15 @@ class ObstacleStop:
         horizon = self._horizon + _farther(rules)
         near = np.concatenate([points for view in views for points in view.around()], 1)
         free = free_distances(near, curvatures, self._box.grown(rules.margin), horizon, forward=forward)
-        if not (seen or rules.unseen_reverse):
-            free = list(map(min, free, self._ground.known(curvatures, now)))
         distance = min([(way - rules.clear) / cos(angle) for way, angle in zip(free, angles, strict=True)])
+        self._unseen = False
+        if forward or not rules.unseen_reverse:
+            known = self._ground.known(curvatures, now, forward=forward)
+            if known is not None:
+                nearest = min([(way - rules.clear) / cos(angle) for way, angle in zip(known, angles, strict=True)])
+                self._unseen, distance = nearest < distance, min(nearest, distance)
         speed = stopping_speed(distance, reaction, self._deceleration)
-        if not seen:
+        if not self._ground.faced[forward]:
             speed = min(speed, REVERSE_SPEED)
         if self._driven < UNKNOWN_DISTANCE:
             speed = min(speed, UNKNOWN_SPEED)

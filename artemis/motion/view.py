@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from math import atan2, cos, degrees, hypot, inf, pi, radians, sin, tau
+from math import atan2, ceil, cos, degrees, hypot, inf, pi, radians, sin, tau
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,8 +39,6 @@ FASTEST_WALK = 2.0
 """Of a person [m/s]."""
 FREE_BESIDE, FREE_BEYOND = 2, 100
 """A place was free if so many beams to both sides of it showed something so much farther [mm]."""
-BACK = radians(45.0)
-"""A scanner whose field of view reaches this far to both sides of straight back looks there."""
 
 Indices = NDArray[np.int64]
 
@@ -61,11 +59,15 @@ class View:
         self._near = box.grown(NEAR)
         self._movers = Movers()
         self._x, self._y = np.array(float(scanner.x_m)), np.array(float(scanner.y_m))
+        self.place: Array = np.array([[scanner.x_m], [scanner.y_m]])
+        """Of the scanner [m]."""
         self.least = round(1000.0 * scanner.least_range_m)
         self._least: Array = np.array(float(self.least))
         self._far = round(1000.0 * (reach + FASTEST_WALK * lookahead))
         self.shape: tuple[float, float, int] | None = None
         """Bearing of the first beam, from one to the next [rad], and how many there are; None: no scan has come."""
+        self.unmasked = np.zeros(0, dtype=np.bool_)
+        """The beams that nothing of the robot is in the way of."""
         half = int(reach / THINNED) + 1
         middles = [THINNED * (place + 0.5) for place in range(-half - 1, half + 1)]
         self._bearings, distances = self.directions(np.array(np.meshgrid(middles, middles, indexing="ij")))
@@ -101,14 +103,30 @@ class View:
         return self._movers.busy
 
     @property
-    def looks_back(self) -> bool:
-        """Whether it sees what is behind the robot."""
-        if self.shape is None:
-            return False
-        start, increment, count = self.shape
-        low, high = sorted((start, start + increment * (count - 1)))
-        back = wrap(pi - self._scanner.heading)
-        return any(low + BACK <= back + turn <= high - BACK for turn in (-tau, 0.0, tau))
+    def has_mask(self) -> bool:
+        """Whether it sees the robot itself somewhere."""
+        return bool(self._scanner.mask)
+
+    def has_beams(self, bearings: Array) -> NDArray[np.bool_]:
+        """In which directions in the robot's frame [rad] its beams go, whether they are masked or not."""
+        turned = np.array([wrap(bearing - self._scanner.heading) for bearing in bearings.tolist()])
+        return self.beams_past(turned) >= 0
+
+    def looks_at_all_of(self, middles: Array, width: float) -> NDArray[np.bool_]:
+        """Which squares it looks at, whether something stands there or not: all beams that pass them, unmasked.
+
+        Args:
+            middles: x and y in the robot's frame [m], shape (2, ...).
+            width: of each square, along the axes of that frame [m].
+        """
+        half = width / 2.0
+        offsets = np.array([[half, half, -half, -half], [half, -half, half, -half]]).reshape(
+            2, 4, *[1] * (middles.ndim - 1)
+        )
+        beams = self.beams_past(self.directions(middles[:, np.newaxis] + offsets)[0])
+        first, last = beams.min(axis=0), beams.max(axis=0)
+        masked = np.concatenate(([0], np.cumsum(~self.unmasked)))
+        return np.asarray((first >= 0) & (masked[last + 1] == masked[np.maximum(first, 0)]))
 
     def move(self, pose: Pose, *, replaced: bool) -> None:
         """Carry the points on to where the robot is by its odometry; those of a scan that is replaced need not."""
@@ -197,14 +215,16 @@ class View:
         self._delays = self._beam_time * self._numbers
         low, high = sorted((bearings[0], bearings[-1]))
         leaving = float(self.least + LEAVING)
+        self.unmasked = seeing(np.arange(count) * degrees(increment) + degrees(start), self._scanner.mask)
+        beside_mask = _widened(~self.unmasked, ceil(EDGE / abs(increment)))
         self._leaving = np.array([leaving if low + EDGE < each < high - EDGE else inf for each in bearings])
+        self._leaving[beside_mask] = inf
         beams, inner = self.beams_past(self._bearings), int(EDGE / 4.0 / abs(increment))
-        in_view = (beams >= inner) & (beams < count - inner)
+        in_view = (beams >= inner) & (beams < count - inner) & ~_widened(~self.unmasked, inner)[beams]
         self._beam_of = np.where(in_view, beams, 0)
         gone = ~self._around | in_view & (self._distance_of >= self.least + LEAVING // 2)
         self._hides = np.where(gone, -1.0, np.where(in_view, self._distance_of + BEYOND, inf))
-        clear = seeing(np.arange(count) * degrees(increment) + degrees(start), self._scanner.mask)
-        self._farthest = np.where(clear, float(self._far), 0.0)
+        self._farthest = np.where(self.unmasked, float(self._far), 0.0)
         self._padded = np.full(count + 2 * BESIDE, FAR)
 
     def _remember(self, points: Array, beams: NDArray[np.intp]) -> None:
@@ -301,6 +321,11 @@ def _points_from(origin: Pose, points: Array) -> Array:
     moved *= cos(origin.heading)
     moved += turned
     return np.asarray(moved)
+
+
+def _widened(some: NDArray[np.bool_], count: int) -> NDArray[np.bool_]:
+    """Some beams, and so many to both sides of each."""
+    return np.asarray(np.convolve(some, np.ones(2 * count + 1), "same") > 0.5)
 
 
 def _seen_twice(some: NDArray[np.bool_], ranges: Array, before: Array) -> NDArray[np.bool_]:

@@ -264,7 +264,7 @@ class PageView:
             return
         self._path_of = step
         if (planned := self._planned.get(step)) is not None:
-            poses = list(route_poses(planned.values))
+            poses = route_poses(planned.values)
         else:
             poses = [] if (route := self._routes.get(step)) is None else list(route.poses(PATH_STEP))
         points = [[round(pose.x, 3), round(pose.y, 3)] for pose in poses]

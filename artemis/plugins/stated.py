@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Protocol, runtime_checkable
 
 from artemis.errors import ConfigError, PluginError
 from artemis.plugins.contracts import (
@@ -78,6 +79,18 @@ def input_speed(config: object) -> float | None:
 def follower_speed(config: object) -> float | None:
     """The speed [m/s] that a follower's or behaviour's keys state; None: none. Raises PluginError: it is no number."""
     return _number(config, config.speed_m_s) if isinstance(config, LimitsFollower) else None
+
+
+@runtime_checkable
+class StatesField(Protocol):
+    """A scanner whose class states in which sector it measures: from, to in its frame [degrees], left positive."""
+
+    field_deg: tuple[float, float]
+
+
+def field_of(plugin: object) -> tuple[float, float]:
+    """The sector in which a scanner measures, by its class [degrees]; where that states none, all around."""
+    return plugin.field_deg if isinstance(plugin, StatesField) else (-180.0, 180.0)
 
 
 def _number(config: object, speed: object) -> float | None:

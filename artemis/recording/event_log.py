@@ -316,7 +316,7 @@ def _jobs(tick: Tick, errors: Errors) -> Iterator[Entry]:
             text += f": {told}"
         level = Level.INFO if result.ok else Level.WARNING
         data = {**_order(result), "ok": result.ok, "values": list(result.values)}
-        if result.kind is JobKind.PLAN:
+        if result.kind in (JobKind.PLAN, JobKind.FIT):
             data["values"] = []  # a route: the recording has it
         if result.fault:
             data["fault"] = result.fault

@@ -55,11 +55,16 @@ def made_with() -> dict[str, str]:
 
 
 def first_entries(
-    mission: str, robot: str, provenance: Provenance, warning: str | None, remarks: Sequence[str] = ()
+    mission: str,
+    robot: str,
+    provenance: Provenance,
+    warning: str | None,
+    remarks: Sequence[str] = (),
+    ignored: Sequence[str] = (),
 ) -> list[Entry]:
     """How a journal begins: of what it is, and since when; which run goes on; what was wrong before the start.
 
-    And what was changed in the mission's paths.
+    And what was changed in the mission's paths; and where the robot may touch obstacles, which is among the remarks.
     """
     facts = {
         "mission": mission,
@@ -75,4 +80,5 @@ def first_entries(
         entries.append(Entry(time=0.0, kind="resume", text=f"resumes {resumed.run}", data=data))
     if warning:
         entries.append(Entry(time=0.0, kind="warning", text=warning, level=Level.WARNING))
-    return entries + [Entry(time=0.0, kind="path", text=remark) for remark in remarks]
+    entries += [Entry(time=0.0, kind="obstacles", text=text, level=Level.WARNING) for text in ignored]
+    return entries + [Entry(time=0.0, kind="path", text=remark) for remark in remarks if remark not in ignored]

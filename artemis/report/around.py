@@ -6,9 +6,9 @@ from math import inf
 
 import numpy as np
 
-from artemis.motion.planned_route import unpacked
+from artemis.motion.planned_route import route_poses
 from artemis.motion.spline import Array
-from artemis.route_planning.obstacle_layer import PlacedScan, placed_returns
+from artemis.route_planning.obstacle_layer import placed_returns, placed_scan
 from artemis.scan import Scan
 from artemis.values import JobKind, Tick
 from artemis.vehicle import RobotFile
@@ -30,7 +30,7 @@ class DrivenAround:
     def __init__(self, robot: RobotFile) -> None:
         self.seen: list[Array] = []
         self.routes: list[Array] = []
-        self._scanners = robot.scanners
+        self._scanners, self._wheelbase = robot.scanners, robot.geometry.wheelbase_m
         self._scans: dict[str, Scan] = {}
         self._last = -inf
 
@@ -42,11 +42,11 @@ class DrivenAround:
                 self._scans[scan.source] = scan
         for done in sensed.results:
             if done.kind is JobKind.PLAN and done.values:
-                self.routes.append(unpacked(done.values)[:, :2])
+                self.routes.append(np.array([(pose.x, pose.y) for pose in route_poses(done.values)]))
         if not slowed or pose.lost or sensed.time - self._last < EVERY or len(self.seen) >= MOST:
             return
         self._last = sensed.time
         for name, scan in self._scans.items():
-            points = placed_returns(PlacedScan(sensed.time, pose.pose, scan), self._scanners[name])
+            points = placed_returns(placed_scan(tick.snapshot, scan, self._wheelbase), self._scanners[name])
             near = np.hypot(points[:, 0] - pose.pose.x, points[:, 1] - pose.pose.y) < NEAR
             self.seen.append(points[near])

@@ -167,6 +167,7 @@ def _rows(facts: Summary) -> list[tuple[str, str]]:
         (f"error of {facts.source} at the end", _known(facts.position_error_end)),
         ("highest speed: robot, a wheel", f"{facts.max_speed:.3f} m/s, {facts.max_wheel_speed:.3f} m/s"),
         ("largest steering angle of a wheel", f"{degrees(facts.max_steering):.1f}°"),
+        ("may have touched obstacles", "; ".join(facts.ignored)),
         ("stood for obstacles", _seconds(facts.waited) if facts.waited else ""),
         ("battery", consumption(facts)),
         ("frames", str(facts.frames)),

@@ -238,7 +238,7 @@ class _Reader:
         for fix in sensed.fixes:
             self._quality = fix.quality
         clearance = points.clearance
-        slowed = clearance is not None and clearance.speed < abs(tick.wish.command.speed)
+        slowed = clearance is not None and clearance.speed < abs(tick.wish.command.speed) and clearance.distance < inf
         self._around.see(tick, slowed=slowed)
         self._waited += snapshot.dt if clearance is not None and clearance.blocked else 0.0
         at = true or _NO_POSE

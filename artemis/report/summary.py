@@ -62,6 +62,8 @@ class Summary:
     """Shares, each frame counted with its most stuff bits."""
     waited: float
     """For obstacles."""
+    ignored: tuple[str, ...]
+    """Where the robot may have touched obstacles, in words."""
     max_late: float
     """How late the latest tick began."""
     steps: tuple[Interval, ...]
@@ -106,6 +108,7 @@ def summary(recording: Recording, series: Series | None = None) -> Summary:
         bus_load_mean=float(np.mean(run.bus_load)) if len(run.bus_load) else 0.0,
         bus_load_max=_largest(run.bus_load),
         waited=run.waited,
+        ignored=tuple(entry.text for entry in run.entries if entry.kind == "obstacles"),
         max_late=_largest(run.late),
         steps=run.steps,
         faults=tuple(entry.text for entry in run.entries if entry.kind == "fault"),

@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 import asyncio
-import multiprocessing
-import os
-import signal
-import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from dataclasses import replace
 from math import hypot
 from pathlib import Path
-from typing import TypeVar
+
+import numpy as np
 
 from artemis.devices.device import Readings, Report, Work
+from artemis.devices.worker import Worker, WorkerEnded
 from artemis.mapping.occupancy import OccupancyMap
-from artemis.motion.planned_route import PLANNER, unpacked_goal
-from artemis.route_planning.floor import Destination, Floor
-from artemis.route_planning.obstacle_layer import EVERY, KEPT, PlacedScan
+from artemis.motion.planned_route import PLANNER, unpacked_poses
+from artemis.route_planning.floor import CELL, Destination, Floor, clearance, floor_from, outline_box
+from artemis.route_planning.obstacle_layer import EVERY, KEPT, PlacedScan, placed_scan
 from artemis.route_planning.planner import PlannedRoute, RouteRequest, plan_route
-from artemis.scan import Scan
-from artemis.values import Job, JobResult, Pose, Tick
+from artemis.route_planning.search import is_known
+from artemis.values import Job, JobResult, Pose, Snapshot, Tick
 from artemis.vehicle import RobotFile
 
 MODELLED, MODELLED_PER_POSE = 0.05, 10e-6
@@ -31,8 +28,6 @@ MODELLED, MODELLED_PER_POSE = 0.05, 10e-6
 DRIVEN_SPACING, DRIVEN = 0.05, 40
 """What the robot has driven is noted every so often [m], so many times."""
 
-
-Done = TypeVar("Done")
 ZonedFloor = Callable[[OccupancyMap, Path, bytes], Floor | str]
 """From a map and the content of the file of its zones to the floor, or what is wrong in that file."""
 
@@ -59,22 +54,15 @@ class RoutePlanner:
         self._pose = Pose()
         self._placed_scans: deque[PlacedScan] = deque()
         self._driven: deque[Pose] = deque(maxlen=DRIVEN)
-        self._pool: ProcessPoolExecutor | None = None
-        if not virtual:
-            fresh = multiprocessing.get_context("spawn")
-            self._pool = ProcessPoolExecutor(1, mp_context=fresh, initializer=end_with_the_run)
+        self._worker, self._virtual = Worker(virtual=virtual), virtual
 
     def begin(self, start: float, wake: Callable[[], None], report: Report) -> Sequence[Work]:
         """As of a `Device`: the process loads, and compiles, what it will need."""
-        return [] if self._pool is None else [self._warm(self._pool)]
+        return [] if self._virtual else [self._warm()]
 
-    async def _warm(self, pool: ProcessPoolExecutor) -> None:
-        first = next(iter(self._destinations.values()))
-        there = first.goal or first.floor.origin
-        try:
-            await asyncio.get_running_loop().run_in_executor(pool, plan_route, self._request(first, there, there))
-        except BrokenProcessPool:
-            return  # the first job says so
+    async def _warm(self) -> None:
+        with suppress(WorkerEnded):  # the first job reports it
+            await self._worker.do(warm_up, self._robot)
 
     def sense(self, now: float) -> Readings:
         """Nothing: it measures nothing of its own."""
@@ -88,14 +76,14 @@ class RoutePlanner:
             return
         self._pose = snapshot.pose.pose
         self._note(backward=snapshot.odometry.speed < 0.0)
-        self._look(snapshot.sensed.scans, snapshot.time)
+        self._look(snapshot)
 
-    def _look(self, scans: Sequence[Scan], now: float) -> None:
+    def _look(self, snapshot: Snapshot) -> None:
         """Keep a scan now and then."""
+        scans, now = snapshot.sensed.scans, snapshot.time
         if scans and (not self._placed_scans or now - self._placed_scans[-1].time >= EVERY):
-            self._placed_scans += [
-                PlacedScan(now, self._pose, scan) for scan in {scan.source: scan for scan in scans}.values()
-            ]
+            newest = {scan.source: scan for scan in scans}.values()
+            self._placed_scans += [placed_scan(snapshot, scan, self._robot.geometry.wheelbase_m) for scan in newest]
             while now - self._placed_scans[0].time > KEPT:
                 self._placed_scans.popleft()
 
@@ -114,7 +102,7 @@ class RoutePlanner:
     async def perform(self, job: Job) -> JobResult:
         """Plan a route for the step that the job names, from where the robot is; or keep the job's, if it is free."""
         destination, present = self._destinations[int(job.value)], job.values
-        goal = destination.goal or unpacked_goal(present[:3])
+        goal = destination.goal or unpacked_poses(present[:3])[0]
         if destination.goal is None:
             present = present[3:]
         try:
@@ -122,10 +110,10 @@ class RoutePlanner:
             if isinstance(floor, str):
                 return _result(job, PlannedRoute(detail=floor))
             request = replace(self._request(destination, self._pose, goal), floor=floor, present=present)
-            planned = await self._apart(plan_route, request)
-        except BrokenProcessPool:
-            return _result(job, PlannedRoute(detail="the process that plans has ended"))
-        if self._pool is None:
+            planned = await self._worker.do(plan_route, request)
+        except WorkerEnded as ended:
+            return ended.result(job)
+        if self._virtual:
             await asyncio.sleep(MODELLED + MODELLED_PER_POSE * planned.expanded)
         return _result(job, planned)
 
@@ -133,22 +121,16 @@ class RoutePlanner:
         """A step's floor, with the zones that are beside its map now; or what is wrong with them."""
         made_of = destination.made_of
         try:
-            raw = await self._apart(_content, made_of.beside)
+            raw = await self._worker.do(_content, made_of.beside)
         except OSError as error:
             return f"{made_of.beside}: cannot be read: {error.strerror}"
         known, floor = self._floors.get(made_of.beside, (made_of.raw, destination.floor))
         if raw == known:
             return floor
-        made = await self._apart(self._zoned_floor, made_of.content, made_of.beside, raw)
+        made = await self._worker.do(self._zoned_floor, made_of.content, made_of.beside, raw)
         if not isinstance(made, str):
             self._floors[made_of.beside] = raw, made
         return made
-
-    async def _apart(self, work: Callable[..., Done], *given: object) -> Done:
-        """Have it done in the other process; on virtual time at once."""
-        if self._pool is None:
-            return work(*given)
-        return await asyncio.get_running_loop().run_in_executor(self._pool, work, *given)
 
     def _request(self, destination: Destination, start: Pose, goal: Pose) -> RouteRequest:
         return RouteRequest(
@@ -159,28 +141,25 @@ class RoutePlanner:
             speed=destination.speed,
             margin=destination.margin,
             placed_scans=tuple(self._placed_scans),
-            forward_first=destination.forward_first,
+            over_known=destination.over_known,
             driven=tuple(self._driven),
         )
 
     def close(self) -> None:
-        """End the process."""
-        if self._pool is not None:
-            self._pool.shutdown(cancel_futures=True)
+        """End the process, and a plan under way."""
+        self._worker.close()
 
 
-def end_with_the_run() -> None:
-    """Signals to all processes of a terminal or a service are for the run, with which this one ends in any case."""
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)
-    run = multiprocessing.parent_process()
-    assert run is not None
-
-    def leave() -> None:
-        run.join()
-        os._exit(0)
-
-    threading.Thread(target=leave, daemon=True).start()
+def warm_up(robot: RobotFile) -> PlannedRoute:
+    """Plan a route over empty ground: this loads, and compiles, all that other plans in this process need."""
+    outline = robot.outline
+    assert outline is not None
+    side = 8.0 * (outline.front_m + outline.rear_m + 2.0 * outline.half_width_m)
+    cells = np.zeros((round(side / CELL), round(side / CELL)), np.int8)
+    empty = floor_from(OccupancyMap(cells=cells, resolution=CELL, origin=(0.0, 0.0, 0.0)))
+    is_known(np.zeros((1, 4)), clearance(empty.occupied), CELL, outline_box(robot, 0.0))  # only some plans do
+    start, goal = (Pose(x=share * side, y=0.5 * side) for share in (0.4, 0.6))
+    return plan_route(RouteRequest(floor=empty, robot=robot, start=start, goal=goal, speed=0.1, over_known=True))
 
 
 def _content(file: Path) -> bytes:

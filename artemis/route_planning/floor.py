@@ -38,7 +38,7 @@ class Floor:
     """Cells, row 0 and column 0 at the origin."""
 
     occupied: Cells
-    """Walls, zones to keep out of, and what nobody has seen."""
+    """Walls, keep-out zones, and what is unknown on the map."""
     factor: Field
     """What a metre costs, by the zones."""
     speed: Field
@@ -141,7 +141,7 @@ class Destination(Struct, frozen=True, kw_only=True):
     """Highest, of the virtual front wheel [m/s]."""
     margin: float
     """Around the outline [m]."""
-    forward_first: bool
+    over_known: bool
     """As of `RouteRequest`."""
 
 
@@ -154,7 +154,7 @@ def goal_problem(floor: Floor, robot: RobotFile, goal: Pose, margin: float) -> s
         return None
     return (
         "the robot cannot stand there: within its outline and "
-        f"{100 * margin:.0f} cm is a wall, a zone to keep out of, or what nobody has seen"
+        f"{100 * margin:.0f} cm is a wall, a keep-out zone, or unknown ground"
     )
 
 

@@ -10,12 +10,16 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from artemis.motion.angles import wrap
 from artemis.motion.beams import seeing
+from artemis.motion.ground import AROUND, STEP, TURN
 from artemis.motion.poses import placed
+from artemis.motion.view import placed_points
 from artemis.mounting import Mounting
-from artemis.route_planning.floor import CELL, Array, Floor, clearance
+from artemis.route_planning.floor import CELL, Array, Cells, Floor, clearance
 from artemis.scan import Scan
-from artemis.values import Pose
+from artemis.values import Pose, Snapshot
+from artemis.vehicle import RobotFile
 
 EVERY = 0.5
 """A scan is kept so often [s]."""
@@ -29,17 +33,45 @@ NEW = 0.10
 """What is seen nearer to what the map shows than this is that [m]."""
 THROUGH = 0.15
 """A beam that reaches so much farther than a cell has seen through it [m]."""
+KNOWN = 30.0
+"""What was seen or driven over is known for so long [s]: half as long as the obstacle stop has it, for the robot has
+to get there first."""
+FINE = 0.035
+"""Ground is looked at so often [m]: several times in a cell, however it is turned."""
 _BESIDE = [(row, column) for row in (-1, 0, 1) for column in (-1, 0, 1)]
 
 
 class PlacedScan(Struct, frozen=True):
-    """A scan, and where the robot was."""
+    """A scan, and where the robot was when it came, and how it moved."""
 
     time: float
     """Run time [s]."""
     pose: Pose
     """In the frame of the map."""
     scan: Scan
+    speed: float = 0.0
+    """Of the rear axle [m/s]."""
+    turn: float = 0.0
+    """Of the robot [rad/s]."""
+
+    @property
+    def ages(self) -> Array:
+        """How long before that each beam was measured [s]."""
+        numbers = np.arange(float(len(self.scan.ranges) // 2))
+        return np.asarray(self.time - self.scan.time - self.scan.beam_time * numbers)
+
+    @property
+    def middle(self) -> Pose:
+        """Where the robot was in the middle of the scan."""
+        age = float(self.ages.mean())
+        return placed(self.pose, Pose(x=-self.speed * age, heading=-self.turn * age))
+
+
+def placed_scan(snapshot: Snapshot, scan: Scan, wheelbase: float) -> PlacedScan:
+    """A scan that came with a tick; the distance between the axles says how the robot turns [m]."""
+    odometry, pose = snapshot.odometry, snapshot.pose.pose
+    speed, turn = odometry.speed * cos(odometry.steering), odometry.speed * sin(odometry.steering) / wheelbase
+    return PlacedScan(snapshot.time, pose, scan, speed, turn)
 
 
 def standing(placed_scans: Sequence[PlacedScan], scanners: Mapping[str, Mounting], floor: Floor) -> NDArray[np.int64]:
@@ -68,13 +100,68 @@ def standing(placed_scans: Sequence[PlacedScan], scanners: Mapping[str, Mounting
     return np.array([row[new], column[new]])
 
 
+def known_ground(placed_scans: Sequence[PlacedScan], robot: RobotFile, floor: Floor) -> Cells:
+    """The cells over which the robot may drive backwards where no scanner looks, as `artemis.motion.ground` knows them.
+
+    Those that it drove over, or saw to be free from nearby, in the last `KNOWN`.
+    """
+    outline, known = robot.outline, np.zeros(floor.occupied.shape, np.bool_)
+    assert outline is not None
+    x = np.arange(-outline.rear_m - AROUND, outline.front_m + AROUND, FINE)
+    y = np.arange(-outline.half_width_m - AROUND, outline.half_width_m + AROUND, FINE)
+    places = np.array(np.meshgrid(x, y)).reshape(2, -1)
+    under = (
+        (places[0] >= -outline.rear_m) & (places[0] <= outline.front_m) & (np.abs(places[1]) <= outline.half_width_m)
+    )
+    eyes = {name: _Directions(places, mounting) for name, mounting in robot.scanners.items()}
+    used: dict[str, PlacedScan] = {}
+    for each in reversed(placed_scans):
+        if placed_scans[-1].time - each.time > KNOWN:
+            break
+        later = used.get(each.scan.source)
+        if later is not None and _is_there(each.pose, later.pose):
+            continue
+        used[each.scan.source] = each
+        free = places[:, under | eyes[each.scan.source].seen_free(each.scan)]
+        row, column = floor.cells_of(placed_points(each.middle, free).T)
+        known[row, column] = True
+    return known
+
+
+def _is_there(pose: Pose, other: Pose) -> bool:
+    """Whether two poses are all but the same."""
+    return math.hypot(pose.x - other.x, pose.y - other.y) < STEP and abs(wrap(pose.heading - other.heading)) < TURN
+
+
+class _Directions:
+    """Places in the robot's frame as one scanner sees them."""
+
+    def __init__(self, places: Array, mounting: Mounting) -> None:
+        dx, dy = places[0] - mounting.x_m, places[1] - mounting.y_m
+        self._mask, self._bearing = mounting.mask, np.arctan2(dy, dx) - mounting.heading
+        self._distance, self._least = np.hypot(dx, dy), mounting.least_range_m
+
+    def seen_free(self, scan: Scan) -> NDArray[np.bool_]:
+        """Which of them the beam that passes them sees to be free."""
+        beams = np.rint(((self._bearing - scan.start_angle) % math.tau) / abs(scan.increment)).astype(np.int64)
+        if scan.increment < 0.0:
+            beams = np.rint(((scan.start_angle - self._bearing) % math.tau) / -scan.increment).astype(np.int64)
+        ranges = scan.millimetres / 1000.0
+        looked = seeing(np.degrees(scan.start_angle + scan.increment * np.arange(len(ranges))), self._mask)
+        within = beams < len(ranges)
+        beams = np.where(within, beams, 0)
+        return np.asarray(
+            within & looked[beams] & (self._distance > self._least) & (ranges[beams] > self._distance + CELL)
+        )
+
+
 def _seen_through(
     row: NDArray[np.int64], column: NDArray[np.int64], last: PlacedScan, mounting: Mounting, floor: Floor
 ) -> NDArray[np.bool_]:
-    """Of each cell whether its beam goes on behind it; one that does not return tells nothing."""
+    """Of each cell whether its beam reaches beyond it; a beam without a return shows nothing."""
     scan = last.scan
     ranges = scan.millimetres / 1000.0
-    scanner = placed(last.pose, Pose(x=mounting.x_m, y=mounting.y_m, heading=mounting.heading))
+    scanner = placed(last.middle, Pose(x=mounting.x_m, y=mounting.y_m, heading=mounting.heading))
     x, y, heading = floor.local(scanner)
     dx, dy = (column + 0.5) * CELL - x, (row + 0.5) * CELL - y
     bearing = np.arctan2(dy, dx) - heading - scan.start_angle
@@ -88,6 +175,8 @@ def _seen_through(
 
 def _lasting(cells: NDArray[np.int64], times: Array) -> NDArray[np.int64]:
     """Cells that were seen for `STANDS`, without a gap."""
+    if not len(cells):
+        return cells
     order = np.lexsort((times, cells))
     cells, times = cells[order], times[order]
     begins = np.ones(len(cells), bool)
@@ -98,13 +187,14 @@ def _lasting(cells: NDArray[np.int64], times: Array) -> NDArray[np.int64]:
 
 
 def placed_returns(placed: PlacedScan, mounting: Mounting) -> Array:
-    """Returns that count in the frame of the map, x and y [m], shape (n, 2)."""
-    scan, pose = placed.scan, placed.pose
+    """Returns that count in the frame of the map, x and y [m], shape (n, 2): each from where its beam was measured."""
+    scan = placed.scan
     ranges = scan.millimetres / 1000.0
     bearings = scan.start_angle + scan.increment * np.arange(len(ranges))
     counts = (ranges >= mounting.least_range_m) & (ranges <= RANGE)
     counts &= seeing(np.degrees(bearings), mounting.mask)
-    angle, c, s = bearings[counts] + mounting.heading + pose.heading, cos(pose.heading), sin(pose.heading)
-    x = pose.x + c * mounting.x_m - s * mounting.y_m + ranges[counts] * np.cos(angle)
-    y = pose.y + s * mounting.x_m + c * mounting.y_m + ranges[counts] * np.sin(angle)
-    return np.column_stack([x, y])
+    angle, ages = bearings[counts] + mounting.heading, placed.ages[counts]
+    x = mounting.x_m + ranges[counts] * np.cos(angle)
+    y = mounting.y_m + ranges[counts] * np.sin(angle)
+    c, s = np.cos(placed.turn * ages), -np.sin(placed.turn * ages)
+    return placed_points(placed.pose, np.array([c * x - s * y - placed.speed * ages, s * x + c * y])).T

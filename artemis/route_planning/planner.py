@@ -12,7 +12,7 @@ import numpy as np
 from artemis.errors import ConfigError
 from artemis.mapping.se2 import wrapped
 from artemis.motion.angles import wrap
-from artemis.motion.planned_route import packed, planned_route
+from artemis.motion.planned_route import packed_route, planned_route, unpacked_route
 from artemis.motion.route import Route
 from artemis.motion.spline import Array
 from artemis.motion.view import placed_points
@@ -29,16 +29,15 @@ from artemis.route_planning.floor import (
     covered,
     outline_box,
 )
-from artemis.route_planning.obstacle_layer import PlacedScan, standing
+from artemis.route_planning.heuristic import UNREACHABLE, cost_to_go
+from artemis.route_planning.obstacle_layer import PlacedScan, known_ground, standing
 from artemis.route_planning.search import (
     FINEST,
     FIRST,
     FOUND,
     NO_WAY,
-    SPACING,
-    UNREACHABLE,
     are_free,
-    cost_to_go,
+    is_known,
     search,
 )
 from artemis.values import Pose
@@ -91,8 +90,8 @@ class RouteRequest:
     """Around the outline [m]."""
     placed_scans: tuple[PlacedScan, ...] = ()
     """What the scanners saw of late."""
-    forward_first: bool = False
-    """Rather not backwards in the first metre: nobody looks there."""
+    over_known: bool = False
+    """Backwards rather only over ground that the scanners saw, or that the robot drove over."""
     driven: tuple[Pose, ...] = ()
     """What the robot has just driven, the oldest first: forwards, up to where it is."""
     present: tuple[int, ...] = ()
@@ -104,7 +103,7 @@ class PlannedRoute:
     """What came of it."""
 
     values: tuple[int, ...] = ()
-    """As of `artemis.motion.planned_route.packed`; empty: there is no route, or none is needed."""
+    """As of `artemis.motion.planned_route.packed_route`; empty: there is no route, or none is needed."""
     arrived: bool = False
     """The robot is at the goal."""
     detail: str
@@ -124,7 +123,8 @@ class _Try(NamedTuple):
     """The search begins at the goal."""
     greedy: float
     most: int
-    forward_first: bool = False
+    over_known: bool = False
+    """As of the request; else wherever nothing stands."""
 
 
 def plan_route(request: RouteRequest) -> PlannedRoute:
@@ -182,6 +182,13 @@ class _Planning:
             under = covered(self._floor.occupied, self._start, self._first_box)
             under |= covered(occupied, self._start, outline_box(request.robot, 0.0), reach=0.0)
             self._begun = clearance(occupied & ~under)
+        self._bare = outline_box(request.robot, 0.0)
+        self._anywhere = np.full_like(self._clear, np.inf)
+        self._known = self._anywhere
+        if request.over_known:
+            known = known_ground(request.placed_scans, request.robot, self._floor)
+            known |= covered(np.ones_like(known), self._start, self._bare)
+            self._known = clearance(~known)
         self._expanded = 0
         self._reasons: list[str] = []
         self._askew: PlannedRoute | None = None
@@ -218,11 +225,11 @@ class _Planning:
             self._reasons.append("the robot is outside of the map")
             return None
         if to_go[row, column] > UNREACHABLE:
-            self._reasons.append("no way leads there, however the robot turns")
+            self._reasons.append("no path leads there, however the robot turns")
             return None
         begun, first_box = (self._clear, self._box) if back else (self._begun, self._first_box)
-        forward_first, from_start = not back and self._request.forward_first, None
-        for each in self._tries(forward_first=forward_first):
+        over_known, from_start = not back and self._request.over_known, None
+        for each in self._tries(over_known=over_known):
             if not each.from_goal:
                 field, first = to_go, first_box
             elif begun is self._clear:
@@ -248,9 +255,11 @@ class _Planning:
         self, each: _Try, ends: tuple[Array, Array], begun: Field, cost: Field, field: Field, first: Array
     ) -> Array | None:
         """Places along a route as `search` gives it, from the start to the goal; None: there is none."""
+        known = self._known if each.over_known else self._anywhere
         points, why, expanded = search(
-            self._clear, begun, cost, field, *ends, each.box, first, each.radius, CELL, each.most,
-            each.forward_first and not each.from_goal, -1.0 if each.from_goal else 1.0, each.greedy,
+            self._clear, begun, cost, field, *ends, each.box, first, self._anywhere if each.from_goal else known,
+            self._bare, each.radius, CELL, each.most,
+            -1.0 if each.from_goal else 1.0, each.greedy,
         )  # fmt: skip
         self._expanded += expanded
         if why != FOUND:
@@ -260,8 +269,7 @@ class _Planning:
         if not each.from_goal:
             return np.asarray(points)
         points = _turned_round(points)
-        backwards_first = each.forward_first and bool((points[: round(FIRST / SPACING), 3] < 0.0).any())
-        return None if backwards_first else points
+        return points if is_known(points, known, CELL, self._bare) else None
 
     def _aims(self) -> Iterator[Array]:
         """Where a search is to end: at the goal; then so far beside it as the fitted route ended on the other side."""
@@ -270,15 +278,15 @@ class _Planning:
         if self._missed is not None:
             yield self._goal - self._missed
 
-    def _tries(self, *, forward_first: bool) -> Iterator[_Try]:
+    def _tries(self, *, over_known: bool) -> Iterator[_Try]:
         """First with much room around, then with as little as may be; on wide curves, then on narrow ones."""
         robot = self._request.robot
         least = robot.geometry.wheelbase_m / math.tan(math.radians(robot.limits.steering_deg))
         widest = least * RADII[0]
-        for first in (True, False) if forward_first else (False,):
+        for known in (True, False) if over_known else (False,):
             if _fits(self._goal, self._clear, self._wide):
-                yield from (_Try(widest, self._wide, *turn, first) for turn in BY_TURNS[:WIDE_TURNS])
-            yield from (_Try(widest, self._box, *turn, first) for turn in BY_TURNS)
+                yield from (_Try(widest, self._wide, *turn, known) for turn in BY_TURNS[:WIDE_TURNS])
+            yield from (_Try(widest, self._box, *turn, known) for turn in BY_TURNS)
         for share in RADII[1:] if self._askew is None else ():
             yield from (_Try(least * share, self._box, *turn) for turn in BY_TURNS)
 
@@ -289,9 +297,9 @@ class _Planning:
             points = np.concatenate([backwards, points[1:]])
         request = self._request
         on_map = placed_points(self._floor.origin, points[:, :2].T)
-        values = packed(np.column_stack([*on_map, self._speeds(points[:, :3]) * points[:, 3]]))
+        wanted = np.column_stack([*on_map, self._speeds(points[:, :3]) * points[:, 3]])
         try:
-            route = planned_route(values, request.robot, request.speed)
+            route = planned_route(wanted, request.robot, request.speed)
             problems = route.problems(request.robot, request.speed)
         except ConfigError as error:
             problems = list(error.problems)
@@ -302,7 +310,7 @@ class _Planning:
             return None
         reversals = len(route.parts) - 1
         words = f"{route.length:.1f} m, {reversals} reversal{'s' * (reversals != 1)}, radius {radius:.2f} m"
-        found, end = PlannedRoute(values=values, detail=words, expanded=self._expanded), _end(route)
+        found, end = PlannedRoute(values=packed_route(route), detail=words, expanded=self._expanded), _end(route)
         if self._off_goal(end)[1] <= EXACT_ANGLE:
             return found
         self._askew = self._askew or found
@@ -334,7 +342,7 @@ class _Planning:
     def _rest_is_free(self) -> bool:
         """Whether the present route is free from where the robot is: where it first comes by, if that is unclear."""
         request = self._request
-        driven, places = _places(planned_route(request.present, request.robot, request.speed))
+        driven, places = _places(unpacked_route(request.present))
         start, away = request.start, np.hypot(places[:, 0] - request.start.x, places[:, 1] - request.start.y)
         turned = np.abs(wrapped(places[:, 2] - start.heading))
         here = ((away < ON_ROUTE) & (turned < ALONG_ROUTE)).nonzero()[0][:1]

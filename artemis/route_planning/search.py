@@ -1,4 +1,4 @@
-"""Hybrid A* on a grid: poses of a car, expanded by short arcs, with the way of a point robot as heuristic.
+"""Hybrid A* on a grid: poses of a car, expanded by short arcs, with the path of a point robot as heuristic.
 
 After D. Dolgov, S. Thrun, M. Montemerlo and J. Diebel, Practical search techniques in path planning for autonomous
 driving, AAAI workshop 2008. All lengths in metres, in the frame of the grid: cell (row, column) reaches from
@@ -13,13 +13,14 @@ from heapq import heappop, heappush
 import numpy as np
 from numpy.typing import NDArray
 
-from artemis.route_planning import kernels
 from artemis.route_planning.curves import TURN, Array, rolled, shortest, wrapped
 from artemis.route_planning.floor import Cells, Field
+from artemis.route_planning.heuristic import FAR, UNREACHABLE
 from artemis.route_planning.kernels import compiled
 
-Nodes = tuple[Array, Array, Array, Array, NDArray[np.int8], NDArray[np.int64]]
-"""Poses, what was spent to them, the distance driven, the curvature, the direction, and the pose before."""
+Nodes = tuple[Array, Array, Array, Array, NDArray[np.int8], NDArray[np.int64], Array, Array]
+"""Poses, what was spent to them, the distance driven, the curvature, the direction, the pose before; how far the robot
+comes there backwards in one piece, and how much of what it drove forwards is behind it still."""
 Table = tuple[NDArray[np.int64], NDArray[np.float32]]
 """Cells that were reached, and at what cost."""
 
@@ -44,9 +45,11 @@ FINEST = 0.01
 """Pieces of the outline are not divided below this radius [m]."""
 FIRST = 1.0
 """So much of the distance counts as its beginning [m]."""
+BEHIND, MOST_BACK = 2.0, 1.0
+"""Of what was driven forwards on the route, so much is known well enough to be driven back over [m], in pieces of so
+much [m]: they may bend otherwise."""
 FOUND, NO_WAY, TOO_LONG = 0, 1, 2
 MOST_POINTS = 20_000
-_FAR = 1e9
 
 
 @compiled
@@ -106,92 +109,6 @@ def are_free(poses: Array, clear: Field, resolution: float, box: Array) -> Cells
 
 
 @compiled
-def _cost_to_go(clear: Field, cost: Field, row: int, column: int, resolution: float, least: float) -> Field:
-    """See `cost_to_go`. Dijkstra's algorithm with buckets (Dial 1969, doi 10.1145/363269.363610).
-
-    A bucket is no wider than the shortest step: what is in the lowest one cannot become nearer any more.
-    """
-    rows, columns = clear.shape
-    across = columns + 2  # with a border that nobody can pass
-    price = np.full((rows + 2) * across, np.float32(np.inf), np.float32)
-    for j in range(rows):
-        for i in range(columns):
-            if clear[j, i] >= least:
-                price[(j + 1) * across + i + 1] = resolution * cost[j, i] / 2.0
-    goal = (row + 1) * across + column + 1
-    price[goal] = resolution * cost[row, column] / 2.0
-    buckets, each = 1, 1.0 / (resolution * float(cost.min()))
-    while buckets < 1.4142136 * resolution * float(cost.max()) * each + 3.0:
-        buckets *= 2
-    steps = np.array([1, -1, across, -across, across + 1, across - 1, 1 - across, -across - 1])
-    found = np.full(len(price), np.float32(_FAR), np.float32)
-    newest, mask = np.full(buckets, -1, np.int64), buckets - 1
-    cells, before = np.empty(2 * len(price), np.int32), np.empty(2 * len(price), np.int32)
-    found[goal], cells[0], before[0], newest[0] = 0.0, goal, -1, 0
-    made, waiting, number = 1, 1, 0
-    while waiting:
-        entry = newest[number & mask]
-        if entry < 0:
-            number += 1
-            continue
-        newest[number & mask] = before[entry]
-        waiting -= 1
-        cell = cells[entry]
-        here, out = float(found[cell]), float(price[cell])
-        if int(here * each) < number:
-            continue  # it was nearer, and has been looked at
-        for k in range(8):
-            there = cell + steps[k]
-            far = here + (out + price[there]) * (1.0 if k < 4 else 1.4142135)
-            if far < found[there] - 1e-4:
-                found[there] = far
-                if made == len(cells):
-                    cells, before = np.concatenate((cells, cells)), np.concatenate((before, before))
-                place = int(float(found[there]) * each) & mask
-                cells[made], before[made], newest[place] = there, newest[place], made
-                made, waiting = made + 1, waiting + 1
-    return found.reshape(rows + 2, across)[1:-1, 1:-1].copy()
-
-
-def _cost_to_go_plain(clear: Field, cost: Field, row: int, column: int, resolution: float, least: float) -> Field:
-    """See `cost_to_go`."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import dijkstra
-
-    passable, (rows, columns) = clear >= least, clear.shape
-    passable[row, column] = True
-    number, begins, ends, lengths = np.arange(rows * columns).reshape(rows, columns), [], [], []
-    for dj, di in ((0, 1), (1, 0), (1, 1), (1, -1)):
-        one = slice(0, rows - dj), slice(max(-di, 0), columns - max(di, 0))
-        two = slice(dj, rows), slice(max(di, 0), columns + min(di, 0))
-        both = passable[one] & passable[two]
-        begins.append(number[one][both])
-        ends.append(number[two][both])
-        lengths.append(resolution * math.hypot(dj, di) * (cost[one] + cost[two])[both] / 2.0)
-    places = np.concatenate(begins), np.concatenate(ends)
-    graph = coo_array((np.concatenate(lengths), places), shape=(rows * columns, rows * columns)).tocsr()
-    found = dijkstra(graph, directed=False, indices=row * columns + column)
-    return np.asarray(np.minimum(found, _FAR), np.float32).reshape(rows, columns)
-
-
-def cost_to_go(clear: Field, cost: Field, row: int, column: int, resolution: float, least: float) -> Field:
-    """What the way of a round robot from each cell to one of them costs [m]; `UNREACHABLE` or more: there is none.
-
-    Args:
-        clear: distance from each cell's middle to the nearest obstacle [m].
-        cost: of a metre in each cell.
-        row: of the goal.
-        column: likewise.
-        resolution: side of a cell [m].
-        least: radius of the robot [m].
-    """
-    return (_cost_to_go if kernels.COMPILED else _cost_to_go_plain)(clear, cost, row, column, resolution, least)
-
-
-UNREACHABLE = 0.9 * _FAR
-
-
-@compiled
 def _slot(keys: NDArray[np.int64], key: int) -> int:
     """Where a key is in a table of hashes, or would be; empty places hold -1. Its size is a power of two."""
     mask = len(keys) - 1
@@ -218,7 +135,7 @@ def _left(to_go: Field, x: float, y: float, heading: float, ahead: float, resolu
 @compiled
 def search(
     clear: Field, begun: Field, cost: Field, to_go: Field, start: Array, goal: Array, box: Array, first_box: Array,
-    radius: float, resolution: float, most: int, forward_first: bool, sense: float, greedy: float,
+    known: Field, bare: Array, radius: float, resolution: float, most: int, sense: float, greedy: float,
 ) -> tuple[Array, int, int]:  # fmt: skip
     """A route of a car from pose to pose.
 
@@ -226,16 +143,17 @@ def search(
         clear: distance from each cell's middle to the nearest obstacle.
         begun: the same in the first metre, where what the outline covers at the start does not count.
         cost: of a metre in each cell.
-        to_go: as `cost_to_go` gives it for the goal, of the point on the outline's middle line that is half a width
+        to_go: as of `heuristic.cost_to_go` for the goal, of the point on the outline's middle line that is half a width
             ahead of its rear.
         start: x, y, heading of the centre of the rear axle.
         goal: likewise.
         box: front, rear (negative behind the axle) and half width of the outline.
         first_box: in the first metre.
+        known: distance from each cell's middle to the nearest cell of unknown ground, see `_went`.
+        bare: outline that counts there.
         radius: least one of the rear axle's path.
         resolution: side of a cell.
         most: poses that are expanded.
-        forward_first: nothing is driven backwards in the first metre.
         sense: -1: the route will be driven from its last pose to its first; what costs more is then forwards here.
         greedy: the heuristic counts so many times.
 
@@ -243,17 +161,18 @@ def search(
         Points about `SPACING` apart (x, y, heading, direction: 1 forwards, -1 backwards), shape (n, 4); `FOUND` or why
         not; how many poses were expanded.
     """
-    columns, ahead, stack, word, shot = clear.shape[1], box[1] + box[2], np.empty((64, 4)), np.zeros(6), np.zeros(6)
+    columns, ahead, stack, word = clear.shape[1], box[1] + box[2], np.empty((64, 4)), np.zeros(6)
     prices = np.array([BACK, CUSP / radius, SHORTEST / radius])
     if sense < 0.0:
         prices[0], prices[1] = 1.0 / BACK, prices[1] / BACK
     room = 6 * most + 16
     poses, spent, driven = np.empty((room, 3)), np.empty(room), np.empty(room)
     steered, direction, parent = np.empty(room), np.empty(room, np.int8), np.empty(room, np.int64)
+    backed, behind = np.zeros(room), np.full(room, bare[1] - bare[0])
     size = 2 ** int(math.log2(2 * room) + 1.0)
-    keys, best, count, expanded, last = np.full(size, -1, np.int64), np.empty(size, np.float32), 1, 0, -1
+    keys, best, count, expanded = np.full(size, -1, np.int64), np.empty(size, np.float32), 1, 0
     poses[0], spent[0], driven[0], steered[0], direction[0], parent[0] = start, 0.0, 0.0, 0.0, 0, -1
-    nodes, heap = (poses, spent, driven, steered, direction, parent), [(0.0, 0)]
+    nodes, heap = (poses, spent, driven, steered, direction, parent, backed, behind), [(0.0, 0)]
     while heap and expanded < most and count + 2 * CURVATURES < room:
         _, number = heappop(heap)
         x, y, heading = poses[number, 0], poses[number, 1], poses[number, 2]
@@ -266,31 +185,54 @@ def search(
             c, s, dx, dy = math.cos(heading), math.sin(heading), goal[0] - x, goal[1] - y
             turn = wrapped(goal[2] - heading)
             shortest((c * dx + s * dy) / radius, (c * dy - s * dx) / radius, turn, direction[number], prices, word)
-            if _joins(poses[number], driven[number], clear, begun, goal, box, first_box, radius, resolution, word,
-                      stack, forward_first):  # fmt: skip
-                last, shot = number, word
-                break
-        count = _expand(number, count, nodes, (keys, best), heap, (clear, begun, cost, to_go), box, first_box, radius,
-                        resolution, stack, forward_first, sense, greedy)  # fmt: skip
-    if last < 0:
-        return np.empty((0, 4)), (TOO_LONG if heap else NO_WAY), expanded
-    return _route(poses, steered, direction, parent, last, shot, radius), FOUND, expanded
+            if _joins(poses[number], driven[number], backed[number], behind[number], (clear, begun, known), goal, box,
+                      first_box, bare, radius, resolution, word, stack):  # fmt: skip
+                return _route(poses, steered, direction, parent, number, word, radius), FOUND, expanded
+        count = _expand(number, count, nodes, (keys, best), heap, (clear, begun, cost, to_go, known), box, first_box,
+                        bare, radius, resolution, stack, sense, greedy)  # fmt: skip
+    return np.empty((0, 4)), (TOO_LONG if heap else NO_WAY), expanded
+
+
+@compiled
+def _went(step: float, backed: float, behind: float) -> tuple[float, float]:
+    """Distance reversed without a break, and length of the path behind that was driven forwards, after a step [m].
+
+    Where the latter is negative, or the former above `MOST_BACK`, the robot may reverse over known ground only. At its
+    start a robot has not seen what is beside it, so the latter starts at minus its length.
+    """
+    if step >= 0.0:
+        return 0.0, min(behind + step, BEHIND)
+    return backed - step, behind + step
+
+
+@compiled
+def is_known(points: Array, known: Field, resolution: float, bare: Array) -> bool:
+    """Whether a route (points as `search` gives them) leads backwards over known ground only, as of `search`."""
+    backed, behind, stack = 0.0, bare[1] - bare[0], np.empty((64, 4))
+    for n in range(1, len(points)):
+        step = points[n, 3] * math.hypot(points[n, 0] - points[n - 1, 0], points[n, 1] - points[n - 1, 1])
+        backed, behind = _went(step, backed, behind)
+        if step < 0.0 and (backed > MOST_BACK + 1e-6 or behind < 0.0):
+            if not is_free(points[n, 0], points[n, 1], points[n, 2], known, resolution, bare, stack):
+                return False
+        behind = max(behind, bare[1] - bare[0])
+    return True
 
 
 @compiled
 def _expand(  # a call for each arc would cost a third of its time
     number: int, count: int, nodes: Nodes, table: Table, heap: list[tuple[float, int]],
-    fields: tuple[Field, Field, Field, Field], box: Array, first_box: Array, radius: float, resolution: float,
-    stack: Array, forward_first: bool, sense: float, greedy: float,
+    fields: tuple[Field, Field, Field, Field, Field], box: Array, first_box: Array, bare: Array, radius: float,
+    resolution: float, stack: Array, sense: float, greedy: float,
 ) -> int:  # fmt: skip
     """Add the ends of all free arcs from a pose that are better than what led there before; how many poses then."""
-    poses, spent, driven, steered, direction, parent = nodes
-    (keys, best), (clear, begun, cost, to_go) = table, fields
+    poses, spent, driven, steered, direction, parent, backed, behind = nodes
+    (keys, best), (clear, begun, cost, to_go, known) = table, fields
     columns, ahead = clear.shape[1], box[1] + box[2]
     x, y, heading = poses[number, 0], poses[number, 1], poses[number, 2]
     for drive in (1, -1):
-        if drive < 0 and forward_first and driven[number] < FIRST:
-            continue
+        back, left_behind = _went(drive * STEP, backed[number], behind[number])
+        has_to_be_known = drive < 0 and (back > MOST_BACK + 1e-6 or left_behind < 0.0)
         for choice in range(CURVATURES):
             bend = (2.0 * choice / (CURVATURES - 1) - 1.0) / radius
             nx, ny, nh, free = x, y, heading, True
@@ -301,7 +243,10 @@ def _expand(  # a call for each arc would cost a third of its time
                 if not is_free(nx, ny, nh, field, resolution, outline, stack):
                     free = False
                     break
-            left = _left(to_go, nx, ny, nh, ahead, resolution) if free else _FAR
+                if has_to_be_known and not is_free(nx, ny, nh, known, resolution, bare, stack):
+                    free = False
+                    break
+            left = _left(to_go, nx, ny, nh, ahead, resolution) if free else FAR
             if left > UNREACHABLE:
                 continue
             step = STEP * (BACK if sense * drive < 0 else 1.0)
@@ -316,6 +261,7 @@ def _expand(  # a call for each arc would cost a third of its time
             poses[count, 0], poses[count, 1], poses[count, 2] = nx, ny, nh
             spent[count], driven[count], steered[count] = price, driven[number] + STEP, bend
             direction[count], parent[count] = drive, number
+            backed[count], behind[count] = back, max(left_behind, bare[1] - bare[0])
             heappush(heap, (price + greedy * left, count))
             count += 1
     return count
@@ -323,24 +269,28 @@ def _expand(  # a call for each arc would cost a third of its time
 
 @compiled
 def _joins(
-    pose: Array, driven: float, clear: Field, begun: Field, goal: Array, box: Array, first_box: Array, radius: float,
-    resolution: float, word: Array, stack: Array, forward_first: bool,
+    pose: Array, driven: float, backed: float, behind: float, fields: tuple[Field, Field, Field], goal: Array,
+    box: Array, first_box: Array, bare: Array, radius: float, resolution: float, word: Array, stack: Array,
 ) -> bool:  # fmt: skip
     """Whether a word leads from a pose to the goal, the outline always free."""
+    clear, begun, known = fields
     x, y, heading = pose[0], pose[1], pose[2]
     for piece in range(3):
         length, bend = abs(word[piece]) * radius, word[3 + piece] / radius
         parts = int(length / SPACING) + 1
         step = (1.0 if word[piece] >= 0.0 else -1.0) * length / parts
         for _ in range(parts):
-            if step < -1e-9 and forward_first and driven < FIRST:
-                return False
             x, y, heading = rolled(x, y, heading, step, bend)
             driven += abs(step)
             first = driven < FIRST
             field, outline = (begun, first_box) if first else (clear, box)
             if not is_free(x, y, heading, field, resolution, outline, stack):
                 return False
+            backed, behind = _went(step, backed, behind)
+            has_to_be_known = step < -1e-9 and (backed > MOST_BACK + 1e-6 or behind < 0.0)
+            if has_to_be_known and not is_free(x, y, heading, known, resolution, bare, stack):
+                return False
+            behind = max(behind, bare[1] - bare[0])
     return math.hypot(x - goal[0], y - goal[1]) < AT_GOAL
 
 
@@ -370,7 +320,7 @@ def _route(
 
 @compiled
 def _add(route: Array, made: int, length: float, bend: float) -> int:
-    """Go on by an arc; how many points there are then."""
+    """Continue by an arc; how many points there are then."""
     parts = int(abs(length) / SPACING + 0.5)
     if parts == 0 and abs(length) > 1e-6:
         parts = 1

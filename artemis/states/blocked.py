@@ -1,4 +1,4 @@
-"""What a mode does while an obstacle stops the robot: it says so, and does not wait for ever."""
+"""What a mode does while an obstacle stops the robot: it reports LAS-08, and ends its step after some time."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ def is_blocked(snapshot: Snapshot) -> bool:
 def held_up(shared: Shared, mode: Mode, wish: Wish, snapshot: Snapshot) -> Wish:
     """The wish of a mode whose robot is blocked, with the fault LAS-08; after too long the end of its step.
 
-    On a planned route another one is sought before.
+    On a planned route another one is sought first. Where the robot stands because ground was not seen, the step ends
+    at once: waiting does not make it known.
     """
     clearance = snapshot.set_points.clearance
     assert clearance is not None
@@ -31,10 +32,16 @@ def held_up(shared: Shared, mode: Mode, wish: Wish, snapshot: Snapshot) -> Wish:
     if mode is not Mode.TELEOP and snapshot.standing:
         ended = stand(snapshot, event=Event.DONE, tracking=wish.tracking)
         done = wish.done or 0.0
-        if clearance.blocked + route.waited(done) >= shared.rules.blocked_after:
+        waited = route.waited(done)
+        most = step.replans if isinstance(step, GotoStep) else 0
+        if clearance.unseen and not waited and route.replan(most, done, clearance.blocked):
+            return replace(ended, done=wish.done)
+        if clearance.unseen or clearance.blocked + waited >= shared.rules.blocked_after:
             return replace(ended, acted=wish.acted, done=wish.done, outcome=BLOCKED)
-        if clearance.blocked >= REPLAN_AFTER and isinstance(step, GotoStep):
-            if route.replan(step.replans, done, clearance.blocked):
-                return replace(ended, done=wish.done)
-    fault = wish.fault or catalogue.fault("LAS-08", "", f"{max(clearance.distance, 0.0):.2f} m are free")
+        if clearance.blocked >= REPLAN_AFTER and route.replan(most, done, clearance.blocked):
+            return replace(ended, done=wish.done)
+    seen = f"{max(clearance.distance, 0.0):.2f} m are free"
+    if clearance.unseen:
+        seen = f"the ground {'ahead' if wish.command.speed >= 0.0 else 'behind'} was not seen"
+    fault = wish.fault or catalogue.fault("LAS-08", "", seen)
     return replace(wish, fault=fault, phase="waiting for a free path")

@@ -9,9 +9,8 @@ from msgspec.structs import replace
 from artemis.battery import BatteryState
 from artemis.drive_states import Goal
 from artemis.errors import ConfigError
-from artemis.motion.planned_route import planned_route
+from artemis.motion.planned_route import unpacked_route
 from artemis.motion.route import Route
-from artemis.motion.track import Track
 from artemis.plugins.contracts import Following
 from artemis.progress import SHORT
 from artemis.states.blocked import is_blocked
@@ -135,20 +134,14 @@ class FollowMode:
             self._short = _too_far(needed, battery)
 
     def _route(self, step: FollowStep) -> Route:
-        """The step's route; one that was recorded in this run, or planned, is made now.
+        """The step's route; of what was planned, or recorded in this run, it is in the newest job's result.
 
         Raises:
-            ConfigError: nothing was recorded that can be followed.
+            ConfigError: several laps are wanted of one that is open.
         """
         if isinstance(step.route, Route):
             return step.route
-        robot = self.shared.plan.robot
-        if isinstance(step, GotoStep):
-            return planned_route(
-                self.shared.route.planned, robot, robot.limits.speed_m_s if step.speed is None else step.speed
-            )
-        track = self.shared.results.tracks.get(step.route, Track())
-        route = track.route(robot, step.speed, step.close_within, step.round_corners, step.allow_slowdown)
+        route = unpacked_route(self.shared.route.planned)
         return route.directed(from_end=step.from_end, backward=step.backward).with_laps(step.laps)
 
     def _rest(self, route: Route, step: FollowStep, pose: Pose) -> Route:

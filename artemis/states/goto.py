@@ -6,12 +6,13 @@ from math import degrees
 
 from msgspec.structs import replace
 
-from artemis.motion.planned_route import PLANNER, packed_goal
+from artemis.motion.planned_route import PLANNER, packed_poses
 from artemis.progress import NO_PATH, MissionEvent
 from artemis.states.follow import place_fault
 from artemis.states.mode import PATIENCE, give_up
 from artemis.states.plan import GotoStep, Shared
-from artemis.values import Event, Job, JobKind, Pose, Snapshot, Wish
+from artemis.supervision import catalogue
+from artemis.values import Event, Fault, Job, JobKind, JobResult, Pose, Snapshot, Wish
 
 
 def take_goal(shared: Shared, snapshot: Snapshot) -> tuple[MissionEvent, ...]:
@@ -37,13 +38,14 @@ class RoutePlanning:
     def __init__(self, shared: Shared) -> None:
         self._shared, self._entry = shared, -1
         self._job: Job | None = None
+        self._fault: Fault | None = None
         self._goal: Pose | None = None
         self._refused = ""
         self._waited = 0.0
 
     def begin(self) -> None:
         """The robot stands, perhaps elsewhere: what is under way is of no use."""
-        self._job, self._refused, self._waited = None, "", 0.0
+        self._job, self._fault, self._refused, self._waited = None, None, "", 0.0
 
     def step(self, step: GotoStep, stand: Wish, snapshot: Snapshot) -> Wish:
         """Order a route, wait for it, and drive; without one the step ends, unless another route or goal is known."""
@@ -54,7 +56,7 @@ class RoutePlanning:
         goal = route.goal
         place = step.place if goal is None else place_words(goal)
         stand = replace(stand, phase=f"planning a route to {place}")
-        if fault := place_fault(snapshot, localized=shared.plan.localized):
+        if fault := self._fault or place_fault(snapshot, localized=shared.plan.localized):
             return replace(stand, fault=fault)
         if step.asks and goal is None:
             return self._wait(step, stand, snapshot)
@@ -63,11 +65,17 @@ class RoutePlanning:
         if self._job is None:
             (job,) = shared.bring_up.jobs(JobKind.PLAN, [PLANNER], [shared.position.step])
             present = route.planned if route.replanning else ()
-            self._job = replace(job, values=present if goal is None else (*packed_goal(goal), *present))
+            self._job = replace(job, values=present if goal is None else (*packed_poses([goal]), *present))
             return replace(stand, jobs=(self._job,))
         result = next((each for each in snapshot.sensed.results if each.id == self._job.id), None)
-        if result is None:
-            return stand
+        return stand if result is None else self._take(result, step, stand, snapshot)
+
+    def _take(self, result: JobResult, step: GotoStep, stand: Wish, snapshot: Snapshot) -> Wish:
+        """What follows from a plan: the drive, the end of the step, or the wait for another goal."""
+        route, goal = self._shared.route, self._goal
+        if result.fault:
+            self._fault = catalogue.fault(result.fault, "", result.detail)
+            return replace(stand, fault=self._fault)
         self._job, again, route.replanning = None, route.replanning, False
         if result.ok and not result.values:
             return replace(stand, over=True)
@@ -82,11 +90,11 @@ class RoutePlanning:
         if goal is None:
             return replace(stand, outcome=NO_PATH)
         route.goal = None
-        self._refused, self._waited = f"no route to {place}: {result.detail}; ", 0.0
+        self._refused, self._waited = f"no route to {place_words(goal)}: {result.detail}; ", 0.0
         return self._wait(step, stand, snapshot)
 
     def _wait(self, step: GotoStep, stand: Wish, snapshot: Snapshot) -> Wish:
-        """Stand until somebody gives a goal."""
+        """Stand until the input gives a goal."""
         self._goal, self._job = None, None
         self._waited += snapshot.dt
         stand = replace(stand, phase=f"{self._refused}waiting for {step.place}")

@@ -39,7 +39,7 @@ class FollowStep(Struct, frozen=True, kw_only=True):
     """Follow a path to its end; `max_cross_track` [m] is where the robot counts as lost."""
 
     route: Route | str
-    """A text: the path that was recorded under this name in an earlier step."""
+    """A text: the path that was recorded under this name in an earlier step; a job fits it, by the step's number."""
     follower: Follower
     laps: int = 1
     """Of a path that is recorded first, like the next two; another one has its own."""
@@ -47,12 +47,6 @@ class FollowStep(Struct, frozen=True, kw_only=True):
     """From its last point to its first."""
     backward: bool | None = None
     """Begin with the rear ahead, or not; None: as it was driven."""
-    close_within: float = 0.0
-    """A recorded path that ends so near its beginning [m] is closed."""
-    round_corners: float = 0.0
-    """How far a recorded path may be left at a corner that is too sharp [m]."""
-    allow_slowdown: bool = False
-    """Drive a recorded path slower where the steering needs it."""
     nearest: bool = False
     """Begin at the point of the path that is nearest to the robot."""
     max_cross_track: float = 0.6
@@ -280,7 +274,7 @@ class Shared:
         self.entry = 0
         """How many steps have begun, or were gone on with after another one: a mode sees that its step is a new one."""
         self.rests = False  # the present step is to come to rest, for something else is next
-        self.route = RouteProgress(self._goto_state)  # of the present step, if it is a goto
+        self.route = RouteProgress(self._goto_state)  # of the present step, if its path is made by jobs
         self.beside: Mapping[int, str] = {}
         """Steps that run beside the present one, each with the state of its behaviour (JSON; empty: it begins)."""
         self._passive = [step if isinstance(step, Passive) else None for step in plan.steps]

@@ -16,6 +16,7 @@ from artemis.states.plan import (
     TeleopStep,
     WaitStep,
 )
+from artemis.states.recorded import TrackFitting
 from artemis.values import DriveCommand, Event, Snapshot, Wish
 
 
@@ -24,12 +25,13 @@ class ReadyMode:
 
     def __init__(self, shared: Shared) -> None:
         self.shared = shared
-        self._planning = RoutePlanning(shared)
+        self._planning, self._fitting = RoutePlanning(shared), TrackFitting(shared)
 
     def enter(self, snapshot: Snapshot) -> None:
         """A step has ended, or the bring-up; a wait that was interrupted goes on."""
         self._entry = self.shared.entry
         self._planning.begin()
+        self._fitting.begin()
         self._since, self._last = snapshot.time - self.shared.position.done, snapshot.time
 
     def step(self, snapshot: Snapshot) -> Wish:
@@ -46,6 +48,8 @@ class ReadyMode:
                 return replace(stand, event=Event.CALIBRATE)
             case GotoStep() as step:
                 return self._planning.step(step, stand, snapshot)
+            case FollowStep(route=str()) as step:
+                return self._fitting.step(step, stand, snapshot)
             case FollowStep():
                 return replace(stand, event=Event.FOLLOW)
             case BehaviourStep():

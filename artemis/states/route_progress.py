@@ -1,4 +1,4 @@
-"""How far the present step `goto` has got with its routes: what modes ready and follow share of it."""
+"""Routes of the present step that jobs make, of a `goto` or of what was recorded: what modes ready and follow share."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class RouteProgress:
     """Of the present step.
 
     Attributes:
-        planned: The newest route (`motion.planned_route.packed`); none: it has to be planned.
+        planned: The newest route (`motion.planned_route.packed_route`); empty: it has to be made.
         goal: What the step was given, if it asks for one.
         replans: How often another route was planned for an obstacle.
         replanning: Another one is to be planned, now that the robot stands.

@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,29 +23,36 @@ from artemis import app
 from artemis.clock import cpu_time
 from artemis.devices.can_bus import Traffic
 from artemis.mapping.map_file import map_files, write_bytes
-from artemis.mapping.occupancy import OccupancyMap
+from artemis.mission.goto import BEYOND, NARROW
 from artemis.mission.loading import LoadedMission, load_mission
-from artemis.motion.planned_route import planned_route
-from artemis.mounting import Outline
+from artemis.motion.planned_route import unpacked_route
+from artemis.mounting import Mounting, Outline
+from artemis.route_planning import device
 from artemis.route_planning.floor import MARGIN, floor_from, goal_problem
-from artemis.route_planning.planner import RouteRequest, plan_route
+from artemis.route_planning.planner import PlannedRoute, RouteRequest, plan_route
 from artemis.sim.world import World
 from artemis.testing.contracts import ROBOT
 from artemis.values import JobKind, JobResult, Pose, Tick
+from artemis_lab.bench.floor_plans import CELL, CLOSET, MAPS, SIZE, small_plan
 from artemis_lab.workers import fresh_workers
 
 OUTLINE = Outline(front_m=0.68, rear_m=0.12, half_width_m=0.27)
 """Of ARTEMIS with its wheels turned out."""
-MAPS = ("clutter", "rooms", "lanes")
+SCANNER = Mounting.model_validate(
+    {
+        **{"plugin": "lms1xx", "host": "scanner", "least_range_m": 0.5},
+        **{"x_m": 0.56, "y_m": 0.0, "heading_deg": 0.0, "height_m": 0.3},
+    }
+)
+"""Above its front axle."""
 CHAIN = 5
-"""Goals of one run, one after the other; then one to which no way leads."""
+"""Goals of one run, one after the other; then one to which no path leads."""
 SPEED = 0.5
 """[m/s]."""
-CELL, SIZE = 0.05, 9.0
-CLOSET = 1.4
-"""Beside each map is a room without a door, so wide [m]."""
 LOOK = 2
 """The true pose is judged at every so many ticks."""
+AHEAD = 0.7
+"""Where a robot with a scanner starts, it has so much room ahead of it [m]: it has not seen what is behind it."""
 FIRST = 1.0
 """A route may begin nearer to an obstacle than it goes on: so far from its start it is judged by itself [m]."""
 _SPACING = 0.02
@@ -60,13 +68,13 @@ class GoalDrive:
     number: int
     """In its run, from 1."""
     closed: bool
-    """No way leads there."""
+    """No path leads there."""
     ended: str = "not driven to"
-    """done, no-path, or what went wrong."""
+    """done, or the outcome with the reason of the planner or of the obstacle stop, or what went wrong."""
     plans: list[str] = field(default_factory=list)
     """What the planner said, in words."""
     seconds: list[float] = field(default_factory=list)
-    """Processor time of each plan, made once more from where the robot stood [s]."""
+    """Processor time of each plan [s]."""
     expanded: list[int] = field(default_factory=list)
     """Poses that each of these looked at."""
     room: float = math.inf
@@ -77,38 +85,6 @@ class GoalDrive:
     """True distance from the goal at the end [m]."""
     turned: float = math.nan
     """Likewise [rad]."""
-
-
-def drawn(kind: str, seed: int) -> NDArray[np.bool_]:
-    """A map of `SIZE` x `SIZE` m and the closet: things that lie around, rooms with doors, or lanes to and fro."""
-    count, dice = round(SIZE / CELL), np.random.default_rng(seed)
-    occupied = np.zeros((count, count + round(CLOSET / CELL)), bool)
-
-    def box(x: float, y: float, width: float, height: float) -> None:
-        column, row = round(x / CELL), round(y / CELL)
-        occupied[row : row + round(height / CELL), column : column + round(width / CELL)] = True
-
-    for far in (0.0, SIZE - 0.1):
-        box(0, far, SIZE + CLOSET, 0.1)
-        box(far, 0, 0.1, SIZE)
-    box(SIZE + CLOSET - 0.1, 0, 0.1, SIZE)
-    if kind == "clutter":
-        for _ in range(10):
-            (x, y), (width, height) = dice.uniform(1, SIZE - 1, 2), dice.uniform(0.1, 0.7, 2)
-            box(x, y, min(width, SIZE - x), height)
-    elif kind == "rooms":
-        across, up = dice.uniform(1.0, 2.2, 2), dice.uniform(1.0, 2.2, 2)
-        box(SIZE / 2, 0, 0.1, SIZE)
-        box(0, SIZE / 2, SIZE, 0.1)
-        wall, door = round(SIZE / 2 / CELL), 24
-        for half in (0, 1):
-            column, row = round((half * SIZE / 2 + across[half]) / CELL), round((half * SIZE / 2 + up[half]) / CELL)
-            occupied[wall : wall + 2, column : column + door] = False
-            occupied[row : row + door, wall : wall + 2] = False
-    else:
-        box(SIZE / 3, 0, 0.1, SIZE - 2.0)
-        box(2 * SIZE / 3, 2.0, 0.1, SIZE - 2.0)
-    return occupied
 
 
 class CellEdges:
@@ -137,7 +113,7 @@ class CellEdges:
         return float(np.where((ahead > 0) | (v > 0), outside, np.maximum(ahead, v)).min(initial=_FARTHEST))
 
 
-def drive(folder: Path, kind: str, seed: int, goals: int = CHAIN) -> list[GoalDrive]:
+def drive(folder: Path, kind: str, seed: int, goals: int = CHAIN, *, blind: bool = False) -> list[GoalDrive]:
     """Drive to random goals, one after the other, from a random place; the last one is in the closet.
 
     Args:
@@ -145,21 +121,27 @@ def drive(folder: Path, kind: str, seed: int, goals: int = CHAIN) -> list[GoalDr
         kind: of the map.
         seed: of map, goals and noise.
         goals: that can be reached, as far as the walls go.
+        blind: the robot has no scanner, and does not stop for obstacles.
     """
-    dice, occupied = np.random.default_rng([seed, MAPS.index(kind)]), drawn(kind, seed)
-    content = OccupancyMap(cells=np.where(occupied, 100, 0).astype(np.int8), resolution=CELL, origin=(0.0, 0.0, 0.0))
-    write_bytes(map_files(folder / "map.yaml", content))
-    robot, floor = ROBOT.model_copy(update={"outline": OUTLINE}), floor_from(content)
+    dice, plan = np.random.default_rng([seed, MAPS.index(kind)]), small_plan(kind, seed)
+    write_bytes(map_files(folder / "map.yaml", plan.content))
+    body = {"outline": OUTLINE} if blind else {"outline": OUTLINE, "scanners": {"front": SCANNER}}
+    robot, floor = ROBOT.model_copy(update=body), floor_from(plan.content)
     (folder / "robot.yaml").write_text(robot.model_dump_json(exclude_none=True))
 
-    def place(left: float, right: float) -> Pose:
+    margin = MARGIN if blind else NARROW + BEYOND
+
+    def place(left: float, right: float, *, begins: bool = False) -> Pose:
         while True:
             heading = math.radians(round(math.degrees(dice.uniform(-3.1, 3.1)), 3))
             pose = Pose(x=dice.uniform(left, right), y=dice.uniform(0.5, SIZE - 0.5), heading=heading)
-            if goal_problem(floor, robot, pose, MARGIN) is None:
+            ahead = [Pose(x=pose.x + far * math.cos(heading), y=pose.y + far * math.sin(heading), heading=heading)
+                     for far in (AHEAD, 0.0)]  # fmt: skip
+            if all(goal_problem(floor, robot, each, margin) is None for each in ahead[0 if begins else 1 :]):
                 return pose
 
-    poses = [place(0.5, SIZE - 0.5) for _ in range(goals + 1)] + [place(SIZE + 0.2, SIZE + CLOSET - 0.2)]
+    poses = [place(0.5, SIZE - 0.5, begins=not blind), *[place(0.5, SIZE - 0.5) for _ in range(goals)]]
+    poses.append(place(SIZE + 0.2, SIZE + CLOSET - 0.2))
     places = [{"x_m": each.x, "y_m": each.y, "heading_deg": math.degrees(each.heading)} for each in poses]
     outcomes = ["no-path", *(["blocked"] if robot.scanners else [])]
     steps = [
@@ -174,6 +156,7 @@ def drive(folder: Path, kind: str, seed: int, goals: int = CHAIN) -> list[GoalDr
         "steps": [{"calibrate": {"steering": "from_potentiometers"}}, *steps],
         "simulation": {
             "seed": seed,
+            "world": {"walls": [{"points": line} for line in plan.edges]},
             "true_robot": places[0],
             "localizer": {"plugin": "simulated_tracker", "noise_m": 0.005, "noise_deg": 0.3, "seed": seed},
         },
@@ -181,7 +164,7 @@ def drive(folder: Path, kind: str, seed: int, goals: int = CHAIN) -> list[GoalDr
     source = folder / "mission.json"
     source.write_text(json.dumps(mission))
     legs = [GoalDrive(map=kind, seed=seed, number=number + 1, closed=number == goals) for number in range(goals + 1)]
-    _GoalWitness(load_mission(source), CellEdges(occupied), poses[1:], legs).run(source)
+    _GoalWitness(load_mission(source), CellEdges(plan.occupied), poses[1:], legs).run(source)
     return legs
 
 
@@ -195,15 +178,25 @@ class _GoalWitness:
         self._world: World | None = None
         self._destinations = sorted(loaded.destinations)
         self._at = 0
+        self._plans: list[tuple[float, int]] = []
+        self._stood_for = ""
 
     def run(self, source: Path) -> None:
-        outcome = app.run_mission(self._loaded, source, watch=self._watch, witness=self._meet)
+        with patch.object(device, "plan_route", self._plan):
+            outcome = app.run_mission(self._loaded, source, watch=self._watch, witness=self._meet)
         if outcome.failed and self._at < len(self._legs):
             self._legs[self._at].ended = "failed"
 
     def _meet(self, world: World) -> World:
         self._world = world
         return world
+
+    def _plan(self, request: RouteRequest) -> PlannedRoute:
+        """Plan with a watch in hand."""
+        begun = cpu_time()
+        found = plan_route(request)
+        self._plans.append((cpu_time() - begun, found.expanded))
+        return found
 
     def _watch(self, tick: Tick, _traffic: Traffic) -> None:
         assert self._world is not None
@@ -214,35 +207,31 @@ class _GoalWitness:
             leg.nearest = min(leg.nearest, self._obstacles.room(pose))
         for result in tick.snapshot.sensed.results:
             if result.kind is JobKind.PLAN:
-                self._planned(leg, result, tick.snapshot.pose.pose)
+                self._planned(leg, result)
+        if (fault := tick.wish.fault) is not None and fault.id == "LAS-08":
+            self._stood_for = fault.text
         if tick.position.step <= self._at + 1:
             return
-        said = any(event.kind == "said" for event in tick.events)
+        said = [event.text for event in tick.events if event.kind == "said"]
         goal = self._goals[self._at]
         self._at += 1
         if said:
-            leg.ended = leg.plans[-1]
+            leg.ended = f"{said[0]}: {self._stood_for if said[0] == 'blocked' else leg.plans[-1]}"
             return
         leg.ended = "done"
         leg.off = math.hypot(pose.x - goal.x, pose.y - goal.y)
         leg.turned = abs(math.remainder(pose.heading - goal.heading, math.tau))
 
-    def _planned(self, leg: GoalDrive, result: JobResult, start: Pose) -> None:
-        """Judge a route, and plan once more with a watch in hand."""
+    def _planned(self, leg: GoalDrive, result: JobResult) -> None:
+        """Judge a route."""
         leg.plans.append(result.detail)
-        robot = self._loaded.robot
-        to = self._loaded.destinations[self._destinations[self._at]]
-        assert to.goal is not None
-        begun = cpu_time()
-        again = plan_route(
-            RouteRequest(floor=to.floor, robot=robot, start=start, goal=to.goal, speed=to.speed, margin=to.margin)
-        )
-        leg.seconds.append(cpu_time() - begun)
-        leg.expanded.append(again.expanded)
+        seconds, expanded = self._plans.pop()
+        leg.seconds.append(seconds)
+        leg.expanded.append(expanded)
         if not result.values:
             return
         driven = 0.0
-        for part in planned_route(result.values, robot, to.speed).parts:
+        for part in unpacked_route(result.values).parts:
             count = max(2, math.ceil(part.path.length / _SPACING))
             for place in np.linspace(0.0, part.path.length, count).tolist():
                 point = part.path.at(place)
@@ -252,20 +241,25 @@ class _GoalWitness:
             driven += part.path.length
 
 
-def run_chain(kind: str, seed: int) -> list[GoalDrive]:
+def run_chain(kind: str, seed: int, blind: bool) -> list[GoalDrive]:
     """One run in a folder of its own."""
+    device.warm_up(ROBOT.model_copy(update={"outline": OUTLINE}))
     with tempfile.TemporaryDirectory(prefix="artemis-bench-") as folder:
-        return drive(Path(folder), kind, seed)
+        return drive(Path(folder), kind, seed, blind=blind)
 
 
-def run_all(goals: int, seed: int, workers: int, finished: Callable[[Sequence[GoalDrive]], None]) -> None:
-    """At least so many goals, spread over the maps; what came of those of a run is told to `finished`.
+def run_all(
+    goals: int, seed: int, workers: int, finished: Callable[[Sequence[GoalDrive]], None], *, blind: bool
+) -> None:
+    """At least so many goals, spread over the maps; what came of those of a run is passed to `finished`.
 
     An interruption ends it after the runs under way, also in the background.
     """
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    chains = [(MAPS[number % len(MAPS)], seed + number // len(MAPS)) for number in range(math.ceil(goals / CHAIN))]
-    run_chain(*chains[0])  # compiles, for all
+    chains = [
+        (MAPS[number % len(MAPS)], seed + number // len(MAPS), blind) for number in range(math.ceil(goals / CHAIN))
+    ]
+    device.warm_up(ROBOT.model_copy(update={"outline": OUTLINE}))  # compiles, for all
     with fresh_workers(min(workers, len(chains))) as pool:
         futures = [pool.submit(run_chain, *chain) for chain in chains]
         try:

@@ -12,14 +12,15 @@ from rich.progress import Progress
 from artemis.route_planning import kernels
 from artemis.route_planning.floor import MARGIN
 from artemis.route_planning.planner import END_ANGLE, END_DISTANCE
-from artemis_lab.bench.goals import MAPS, GoalDrive, run_all
+from artemis_lab.bench.floor_plans import MAPS
+from artemis_lab.bench.goals import GoalDrive, run_all
 from artemis_lab.bench.tables import Grid
 
 MEDIAN_MS, MOST_MS = 50, 200
 """What a plan may take, half of them and the slowest: processor time."""
 
 
-def measure(goals: int, seed: int, workers: int) -> bool:
+def measure(goals: int, seed: int, workers: int, *, blind: bool) -> bool:
     """Drive to the goals, print the table and what went wrong; returns whether all bars hold."""
     if not kernels.COMPILED:
         sys.stderr.write(f"{kernels.NOTICE}\n")
@@ -31,7 +32,7 @@ def measure(goals: int, seed: int, workers: int) -> bool:
             legs.extend(chain)
             progress.advance(bar, len(_open(chain)))
 
-        run_all(goals, seed, workers, finished)
+        run_all(goals, seed, workers, finished, blind=blind)
     legs.sort(key=lambda leg: (leg.map, leg.seed, leg.number))
     table, wrong = grid(legs), [words(leg) for leg in legs if problem(leg)]
     sys.stdout.write("\n".join([table.text(), *wrong, ""]))
@@ -40,11 +41,11 @@ def measure(goals: int, seed: int, workers: int) -> bool:
 
 
 def problem(leg: GoalDrive) -> str:
-    """Why a goal does not count as reached, or an unreachable one not as told at once; empty: it does."""
+    """Why a goal does not count as reached, or an unreachable one not as reported at once; empty: it does."""
     if min(leg.nearest, leg.room) <= 0.0:
         return "contact"
     if leg.closed:
-        return "" if leg.ended != "done" and not any(leg.expanded) else "not told at once"
+        return "" if leg.ended != "done" and not any(leg.expanded) else "not reported at once"
     if leg.ended != "done":
         return leg.ended
     if leg.room < MARGIN:
@@ -74,8 +75,9 @@ def _reached(legs: Sequence[GoalDrive]) -> list[GoalDrive]:
 
 
 def _milliseconds(legs: Sequence[GoalDrive]) -> list[float]:
-    """Of plans that found a route."""
-    return [1e3 * seconds for leg in legs if leg.ended == "done" for seconds in leg.seconds] or [math.nan]
+    """Of plans that found a route; not of looks whether the present one is free."""
+    plans = [plan for leg in legs if leg.ended == "done" for plan in zip(leg.seconds, leg.expanded, strict=True)]
+    return [1e3 * seconds for seconds, expanded in plans if expanded] or [math.nan]
 
 
 def _at_once(legs: Sequence[GoalDrive]) -> str:
@@ -102,6 +104,6 @@ _FIGURES: list[tuple[str, str, Callable[[Sequence[GoalDrive]], str]]] = [
      lambda legs: _most(legs, lambda leg: math.degrees(leg.turned))),
     ("plan, half of them [ms CPU]", f"<= {MEDIAN_MS}", lambda legs: f"{np.median(_milliseconds(_open(legs))):.0f}"),
     ("plan, the slowest [ms CPU]", f"<= {MOST_MS}", lambda legs: f"{max(_milliseconds(_open(legs))):.0f}"),
-    ("unreachable, told at once", "all", _at_once),
+    ("unreachable, reported at once", "all", _at_once),
 ]  # fmt: skip
 """Name, bar, and what it is of some legs."""

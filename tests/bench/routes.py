@@ -11,52 +11,19 @@ import time
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from artemis.mapping.occupancy import OccupancyMap
 from artemis.mission.loading import load_model
 from artemis.route_planning import kernels
-from artemis.route_planning.floor import CELL, MARGIN, Floor, floor_from, goal_problem
+from artemis.route_planning.device import warm_up
+from artemis.route_planning.floor import MARGIN, floor_from, goal_problem
 from artemis.route_planning.planner import RouteRequest, plan_route
 from artemis.values import Pose
 from artemis.vehicle import RobotFile
+from artemis_lab.bench.floor_plans import LARGE_MAPS, large_plan
 
 ROBOT = Path(__file__).parents[2] / "missions" / "robots" / "artemis_lms100.yaml"
-SIZE = 20.0
 LEAST = 5.0
 """From start to goal [m]."""
-
-
-def floor(kind: str, seed: int) -> Floor:
-    """Nothing but walls around; 40 boxes; rooms along a corridor; lanes to and fro."""
-    count, dice = round(SIZE / CELL), np.random.default_rng(seed)
-    occupied: NDArray[np.bool_] = np.zeros((count, count), bool)
-    occupied[[0, -1]] = occupied[:, [0, -1]] = True
-
-    def box(x: float, y: float, width: float, height: float, *, filled: bool = True) -> None:
-        column, row = round(x / CELL), round(y / CELL)
-        occupied[row : row + max(round(height / CELL), 1), column : column + max(round(width / CELL), 1)] = filled
-
-    if kind == "boxes":
-        for _ in range(40):
-            box(*dice.uniform(1, 19, 2), *dice.uniform(0.1, 0.9, 2))
-    elif kind == "rooms":
-        for x in (5, 10, 15):
-            box(x, 0, 0.1, 8.5)
-            box(x, 11, 0.1, 9)
-        for y in (8.5, 11):
-            box(0, y, SIZE, 0.1)
-            for x in (2, 7, 12, 17):
-                box(x, y, 1.2, 0.1, filled=False)
-        for _ in range(25):
-            x, y = dice.uniform(0.5, 19, 2)
-            if not 7 < y < 12.5:
-                box(x, y, *dice.uniform(0.1, 0.6, 2))
-    elif kind == "lanes":
-        for number, x in enumerate(range(2, 20, 2)):
-            box(x, 0 if number % 2 else 1.7, 0.1, 18.3)
-    cells = np.where(occupied, 100, 0).astype(np.int8)
-    return floor_from(OccupancyMap(cells=cells, resolution=CELL, origin=(0.0, 0.0, 0.0)))
 
 
 def main(plans: int) -> None:
@@ -65,13 +32,12 @@ def main(plans: int) -> None:
     if not kernels.COMPILED:
         print(kernels.NOTICE)
     begun = time.process_time()
-    there, here = Pose(x=3.0, y=3.0), Pose(x=9.0, y=9.0)
-    plan_route(RouteRequest(floor=floor("open", 0), robot=robot, start=there, goal=here, speed=0.5))
+    warm_up(robot)
     print(f"first plan, with loading or compiling: {time.process_time() - begun:.1f} s")
-    for kind in ("open", "boxes", "rooms", "lanes"):
+    for kind in LARGE_MAPS:
         times, failed, dice = [], list[str](), np.random.default_rng(5)
         for seed in range(plans):
-            on = floor(kind, seed)
+            on = floor_from(large_plan(kind, seed).content)
             while True:
                 x, y = dice.uniform(1, 19, (2, 2))
                 turns = dice.uniform(-math.pi, math.pi, 2)

@@ -18,7 +18,7 @@ from artemis.mapping.map_file import map_files, write_bytes
 from artemis.mapping.occupancy import OccupancyMap
 from artemis.mission.loading import load_mission
 from artemis.mission.walking import walk
-from artemis.motion.planned_route import unpacked
+from artemis.motion.planned_route import route_poses
 from artemis.planning import plan_for
 from artemis.values import JobKind
 from artemis_lab.bench.goals import drive
@@ -56,7 +56,7 @@ def mission(folder: Path, to: object = "gate", *, localizer: object = TRACKER, *
         ("gat", {}, "no such place on floor.yaml: gat; did you mean gate?"),
         ("crane", {}, "crane: the robot cannot stand there"),
         ({"x_m": 9.0, "y_m": 1.0, "heading_deg": 0.0}, {}, "lies outside of the map"),
-        ("gate", {"localizer": None}, "a localizer has to tell"),
+        ("gate", {"localizer": None}, "has to come from a localizer"),
         ("gate", {"map": "flor.yaml"}, "did you mean floor.yaml?"),
         ("gate", {"follower": {"plugin": "frenet", "speed_m_s": 0.3}}, "is a key of the step itself"),
         ("gate", {"follower": {"plugin": "frenett"}}, "frenett"),
@@ -73,7 +73,7 @@ def test_the_localizer_of_a_simulation_counts_where_the_run_is_simulated(tmp_pat
     path = mission(tmp_path)
     words = json.loads(path.read_text()) | {"bus": {"interface": "virtual", "channel": "goto"}}
     path.write_text(json.dumps(words))
-    with pytest.raises(ConfigError, match="a localizer has to tell"):
+    with pytest.raises(ConfigError, match="has to come from a localizer"):
         load_mission(path)
     loaded = load_mission(path, simulate=True)
     assert [plan_for(loaded, simulated, None).localized for simulated in (True, False)] == [True, False]
@@ -125,9 +125,9 @@ def test_a_goto_that_was_interrupted_is_planned_anew_from_where_it_stands(tmp_pa
     assert (first.outcome.exit_status, second.outcome.exit_status) == (1, 0)
     results = [each for tick in second.ticks for each in tick.snapshot.sensed.results if each.kind is JobKind.PLAN]
     assert len(results) == 1
-    x, y = unpacked(results[0].values)[0, :2]
-    assert 0.7 < x - 0.8 < 1.3
-    assert abs(y - 0.8) < 0.05
+    start = route_poses(results[0].values)[0]
+    assert 0.7 < start.x - 0.8 < 1.3
+    assert abs(start.y - 0.8) < 0.05
 
 
 @pytest.mark.exhaustive

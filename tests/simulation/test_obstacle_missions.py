@@ -7,11 +7,17 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from rig import CALIBRATE, MISSIONS, Run, run, write_mission
 
+from artemis.commands.run import run_and_report
 from artemis.errors import ConfigError
 from artemis.mission.loading import load_mission
+from artemis.recording.mcap_reader import Recording
+from artemis.report.page import _rows
+from artemis.report.series import read_series
+from artemis.report.summary import summary
 from artemis.values import Mode, Pose
 
 pytestmark = pytest.mark.short_alignment
@@ -83,6 +89,35 @@ def test_each_step_may_have_its_own_rules(tmp_path: Path) -> None:
     assert seen.recompute().difference is None
 
 
+@pytest.mark.parametrize(
+    ("mode", "words"),
+    [
+        ("off", "the robot may drive into what it could see, at up to 0.3 m/s (the post is of foam)"),
+        ("slow", "the robot may creep into what it sees, at up to 0.1 m/s (the post is of foam)"),
+    ],
+)
+def test_that_obstacles_may_be_touched_is_said_before_in_and_after_the_run(
+    tmp_path: Path, mode: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    short = {"path": {"waypoints": [[0, 0], [0.6, 0]]}, "follower": {"speed_m_s": 0.5}}
+    step = {"follow": {**short, "obstacles": {"mode": mode, "reason": "the post is of foam"}}}
+    told = f"steps[1].follow.obstacles: {mode}: {words}"
+    path = mission(tmp_path, [CALIBRATE, step])
+    assert load_mission(path).remarks == (told,)
+
+    assert run_and_report(path, simulate=True) == 0
+
+    assert told in " ".join(capsys.readouterr().out.split())
+    (folder,) = (tmp_path / "runs").iterdir()
+    recording = Recording(folder)
+    assert recording.journal is not None
+    assert [entry.text for entry in recording.journal.entries if entry.kind == "obstacles"] == [told]
+    series = read_series(recording)
+    assert dict(_rows(summary(recording, series)))["may have touched obstacles"] == told
+    if mode == "off":
+        assert not np.isfinite(series.slowed).any(), "it is no obstacle that slows it down"
+
+
 @pytest.mark.exhaustive
 def test_backwards_over_unknown_ground_is_blocked_unless_the_mission_allows_it(tmp_path: Path) -> None:
     back = {
@@ -127,6 +162,7 @@ def test_modes_that_drive_by_hand_stop_too_and_may_back_off(tmp_path: Path) -> N
         ({"obstacles": "halt"}, "stop"),
         ({"obstacles": {"margin_m": 0.01}}, "0.03"),
         ({"obstacles": "off", "bus": {"interface": "virtual"}}, "write why"),
+        ({"obstacles": "slow", "bus": {"interface": "virtual"}}, "creep into what it sees; write why"),
         ({"obstacles": {"modus": "stop"}}, "mode"),
     ],
 )
@@ -134,6 +170,29 @@ def test_wrong_rules_are_refused_with_their_place(tmp_path: Path, keys: dict[str
     with pytest.raises(ConfigError, match=words) as caught:
         load_mission(mission(tmp_path, [CALIBRATE, LONG], **keys))
     assert "obstacles" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("mounted", "where"),
+    [
+        (("heading_deg: 0", "heading_deg: 180"), "from -24 to +24 cm"),
+        (("least_range_m: 0.5", "least_range_m: 0.5\n    mask: [[-27, 27]]"), "from -23 to +23 cm"),
+        (("least_range_m: 0.5", "least_range_m: 0.5\n    mask: [[3, 9]]"), "from +4 to +7 cm"),
+    ],
+)
+def test_a_robot_whose_scanner_does_not_see_ahead_is_refused(
+    tmp_path: Path, mounted: tuple[str, str], where: str
+) -> None:
+    off = {"follow": {**LONG["follow"], "obstacles": {"mode": "off", "reason": "somebody walks ahead"}}}
+    path = mission(tmp_path, [CALIBRATE, off, LONG])
+    robot = tmp_path / "artemis.yaml"
+    robot.write_text(robot.read_text().replace(*mounted))
+    with pytest.raises(ConfigError, match="no scanner sees all of the ground ahead") as caught:
+        load_mission(path)
+    assert where in str(caught.value)
+    assert "artemis.yaml:" in str(caught.value)
+    load_mission(mission(tmp_path / "off", [CALIBRATE, off]))
+    load_mission(mission(tmp_path / "standing", [CALIBRATE, {"wait": {"seconds": 1}}]))
 
 
 def test_a_robot_without_a_scanner_cannot_stop_for_obstacles(tmp_path: Path) -> None:

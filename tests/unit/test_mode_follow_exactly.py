@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from core_builders import (
     PATH,
+    ROBOT,
     ROUTE,
     Player,
     StubFollower,
@@ -26,8 +27,8 @@ from test_mode_goto import VALUES
 
 from artemis.battery import BatteryState
 from artemis.drive_states import Goal
-from artemis.errors import ConfigError
 from artemis.motion.path import path_from_points
+from artemis.motion.planned_route import packed_route
 from artemis.motion.route import Part, Route
 from artemis.motion.track import Track
 from artemis.plugins.contracts import Following
@@ -44,7 +45,6 @@ from artemis.values import (
     Odometry,
     Pose,
     SetPoints,
-    Severity,
     Snapshot,
     Wish,
 )
@@ -190,44 +190,13 @@ def test_a_mode_that_was_not_entered_stands() -> None:
     assert (wish.command, wish.fault, wish.event) == (DriveCommand(steering=0.2), None, None)
 
 
-def test_a_path_that_was_not_recorded_is_a_fault_with_all_that_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
-    steps = shared(FollowStep(route="shown", follower=StubFollower()))
-    player = Player(FollowMode(steps))
-    for _ in range(2):
-        wish = player.tick(set_points=SetPoints(steering=0.2))
-        assert fault_of(wish) == ("PTH-01", "")
-        assert wish.fault is not None
-        assert wish.fault.severity is Severity.CONTROLLED_STOP
-        assert wish.command == DriveCommand(steering=0.2)
-
-    def refuse(self: Track, *options: object) -> Route:
-        raise ConfigError(["too short", "too sharp"])
-
-    monkeypatch.setattr(Track, "route", refuse)
-    player.enter()
-    wish = player.tick()
-    assert wish.fault is not None
-    assert "too short; too sharp" in wish.fault.text
-
-
-def test_a_path_that_cannot_be_made_is_not_driven_with_the_one_before() -> None:
-    first = StubFollower(lambda: following(finished=True))
-    steps = shared(FollowStep(route=ROUTE, follower=first), FollowStep(route="shown", follower=StubFollower()))
-    player = Player(FollowMode(steps))
-    assert player.tick().event is Event.DONE
-    player.enter()
-    wish = player.tick()
-    assert fault_of(wish) == ("PTH-01", "")
-    assert wish.command.speed == 0.0
-
-
 def recorded(**options: Any) -> tuple[FollowMode, PathTaker]:
     follower = PathTaker()
     steps = shared(FollowStep(route="shown", follower=follower, **options))
     track = Track()
     for x in np.arange(0.0, 3.01, 0.05):
         track.add(Pose(x=float(x)))
-    steps.results.tracks["shown"] = track
+    steps.route.drive(packed_route(track.route(ROBOT, None)))
     mode = FollowMode(steps)
     mode.enter(snapshot())
     stepped(mode, 0.0)
@@ -374,27 +343,16 @@ def test_on_a_closed_path_the_nearest_place_always_counts() -> None:
 # ---------------------------------------------------------------------------------------------- to a place
 
 
-def going(speed: float | None) -> tuple[FollowMode, Shared, PathTaker]:
-    follower = PathTaker()
-    steps = shared(GotoStep(route="", place="gate", follower=follower, speed=speed))
+def going() -> tuple[FollowMode, Shared]:
+    steps = shared(GotoStep(route="", place="gate", follower=PathTaker(), speed=0.4))
     steps.route.drive(VALUES)
     mode = FollowMode(steps)
     mode.enter(snapshot())
-    return mode, steps, follower
-
-
-@pytest.mark.parametrize(("speed", "fastest"), [(None, 0.4), (0.5, 0.4), (0.25, math.inf)])
-def test_a_planned_route_has_its_speeds_where_they_are_lower_than_its_steps(
-    speed: float | None, fastest: float
-) -> None:
-    mode, _, follower = going(speed)
-    assert stepped(mode, 0.0).command.speed > 0.0
-    assert follower.path.length == pytest.approx(2.0, abs=0.01)
-    assert follower.path.speed_at(1.0) == pytest.approx(fastest, abs=0.01)
+    return mode, steps
 
 
 def test_another_goal_is_waited_for_at_rest() -> None:
-    mode, steps, _ = going(0.4)
+    mode, steps = going()
     stepped(mode, 0.0)
     steps.route.drive(())
     moving, still = (stepped(mode, 0.1, standing=standing) for standing in (False, True))

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from core_builders import PERIOD, StubFollower, fault_of, shared, snapshot
+from core_builders import PERIOD, ROBOT, StubFollower, fault_of, shared, snapshot
 from msgspec.structs import replace
 
-from artemis.motion.planned_route import PLANNER, packed
+from artemis.motion.planned_route import PLANNER, packed_route, planned_route
 from artemis.progress import BLOCKED, NO_PATH
 from artemis.scan import Clearance, ObstacleRules
 from artemis.states.blocked import REPLAN_AFTER, held_up
@@ -20,8 +20,8 @@ from artemis.states.route_progress import RouteProgress
 from artemis.values import Event, JobKind, JobResult, LocatedPose, Mode, OperatorInput, Pose, SetPoints, Wish
 
 X = np.linspace(0.0, 2.0, 41)
-VALUES = packed(np.column_stack([X, 0 * X, np.full(41, 0.4)]))
-OTHER = packed(np.column_stack([X, 0.1 * X * X, np.full(41, 0.4)]))
+VALUES = packed_route(planned_route(np.column_stack([X, 0 * X, np.full(41, 0.4)]), ROBOT, 0.4))
+OTHER = packed_route(planned_route(np.column_stack([X, 0.1 * X * X, np.full(41, 0.4)]), ROBOT, 0.4))
 
 
 def step(**options: Any) -> GotoStep:  # noqa: ANN401 (keys of the step)
@@ -117,8 +117,8 @@ def test_a_step_that_begins_anew_forgets_the_route_and_what_was_tried() -> None:
     assert (robot.shared.route.planned, robot.shared.route.replans, robot.shared.route.replanning) == ((), 0, False)
 
 
-def blocked(steps: Shared, seconds: float, *, standing: bool = True) -> Wish:
-    clearance = Clearance(speed=0.0, distance=0.02, blocked=seconds)
+def blocked(steps: Shared, seconds: float, *, standing: bool = True, unseen: bool = False) -> Wish:
+    clearance = Clearance(speed=0.0, distance=0.02, blocked=seconds, unseen=unseen)
     seen = replace(snapshot(10.0, set_points=SetPoints(clearance=clearance)), standing=standing)
     return held_up(steps, Mode.FOLLOW, Wish(done=1.0), seen)
 
@@ -154,6 +154,18 @@ def test_what_was_tried_and_the_given_goal_are_in_the_position_also_of_a_step_th
     assert len(robot.shared.position.state) < 80
 
 
+def test_where_ground_was_not_seen_another_route_is_planned_once_and_nothing_waited_for() -> None:
+    steps = shared(step(replans=3, obstacles=ObstacleRules(mode="stop", blocked_after=30.0)))
+    steps.route.planned = VALUES
+
+    rolling = blocked(steps, 0.1, standing=False, unseen=True)
+    assert rolling.fault is not None
+    assert "the ground ahead was not seen" in rolling.fault.text
+    asked = blocked(steps, 0.1, unseen=True)
+    assert (asked.event, asked.outcome, steps.route.replanning) == (Event.DONE, "", True)
+    assert blocked(steps, 0.1, unseen=True).outcome == BLOCKED
+
+
 def test_a_new_route_is_begun_and_the_same_one_gone_on_with() -> None:
     follower = StubFollower()
     steps = shared(replace(step(), follower=follower))
@@ -163,3 +175,19 @@ def test_a_new_route_is_begun_and_the_same_one_gone_on_with() -> None:
         mode.enter(snapshot(0.0))
         mode.step(snapshot(0.0))
         assert follower.starts == starts
+
+
+def test_a_planner_that_died_is_a_fault_and_never_an_outcome() -> None:
+    for replanning in (False, True):
+        robot = Standing()
+        if replanning:
+            robot.planned(VALUES)
+            robot.shared.route.replan(3, 0.5, 2.5)
+            robot.mode.enter(snapshot(robot.time))
+        (job,) = robot.tick().jobs
+        died = JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=False, fault="PTH-10", detail="twice")
+        for wish in (robot.tick(died), robot.tick()):
+            assert fault_of(wish)[0] == "PTH-10"
+            assert (wish.outcome, wish.event, wish.over, wish.jobs) == ("", None, False, ())
+        robot.mode.enter(snapshot(robot.time))  # acknowledged
+        assert len(robot.tick().jobs) == 1

@@ -47,7 +47,7 @@ def test_nobody_there_ends_the_run_at_once_and_nobody_who_answers_after_a_while(
     player, _ = asking(attended=False)
     wish = player.tick()
     assert (wish.event, wish.failed, wish.fault) == (Event.END, True, None)
-    assert wish.phase == "nobody can answer: which way? (1 left, 2 right)"
+    assert wish.phase == "no operator can answer: which way? (1 left, 2 right)"
     player, _ = asking()
     player.tick()
     player.time += PATIENCE - PERIOD

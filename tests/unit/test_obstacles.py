@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from artemis.motion.beams import LOST
+from artemis.motion.lane import unseen_ahead
 from artemis.motion.obstacles import BLOCKED_TIME, REVERSE_SPEED, UNKNOWN_SPEED, UNSEEING_SPEED, ObstacleStop
 from artemis.scan import Clearance, ObstacleRules, Scan
 from artemis.values import DriveCommand, LocatedPose, Odometry, Pose, Sensed, SetPoints, Snapshot, Verdict, Wish
@@ -312,3 +313,105 @@ def test_odometry_that_is_lost_forgets_what_was_seen() -> None:
 
     assert found is not None
     assert found.speed in (0.0, UNKNOWN_SPEED)
+
+
+def mounted(**changes: object) -> RobotFile:
+    """ARTEMIS with its scanner mounted otherwise."""
+    scanner = SCANNER.model_copy(update=changes)
+    return robot_with_scanner().model_copy(update={"scanners": {"front": scanner}})
+
+
+BACKWARDS = mounted(x_m=0.1, heading_deg=180.0)
+MASKED = mounted(mask=((-27.0, 27.0),))
+FIELDS = {"front": (-135.0, 135.0)}
+
+
+def driven_until_it_stands(watch: Watch, command: float = 0.5) -> tuple[float, Clearance]:
+    """Drive between far walls as fast as it may until that is blocked; how far [m], and why."""
+    driven = 0.0
+    for _ in range(1000):
+        found = watch.look(np.full(BEAMS, 9.0), command=command)
+        if found is not None and found.blocked:
+            return driven, found
+        step = PERIOD * min(abs(command), inf if found is None else found.speed)
+        driven += step
+        watch.drive(math.copysign(step, command))
+    return inf, Clearance()
+
+
+@pytest.mark.parametrize(("robot", "most"), [(BACKWARDS, 0.0), (MASKED, 0.38), (mounted(mask=((-2, 2),)), 0.38)])
+def test_forwards_only_over_known_ground_where_no_scanner_looks(robot: RobotFile, most: float) -> None:
+    """At the start nobody knows what is within the least range, be it masked or not."""
+    watch = Watch(robot=robot)
+    driven, found = driven_until_it_stands(watch)
+    assert driven <= most
+    assert (found.speed, found.unseen) == (0.0, True)
+
+    for _ in range(25):  # backwards, by hand of somebody who sees
+        watch.drive(-0.02)
+        watch.look(np.full(BEAMS, 9.0), command=0.0)
+    again, found = driven_until_it_stands(watch)
+    assert 0.35 < again < 0.6
+    assert found.unseen
+
+
+def test_a_robot_that_looks_back_reverses_as_fast_as_it_can_stop() -> None:
+    watch = Watch(robot=BACKWARDS)
+    for _ in range(30):
+        watch.look(np.zeros(BEAMS), command=0.0)
+        watch.drive(-0.02)
+    assert watch.look(np.zeros(BEAMS), command=-0.7, speed=-0.7) is None
+
+
+def test_what_a_mask_hides_behind_a_robot_that_looks_back_is_not_known() -> None:
+    watch = Watch(robot=mounted(x_m=0.1, heading_deg=180.0, mask=((-27.0, 27.0),)))
+    driven, found = driven_until_it_stands(watch, command=-0.5)
+    assert driven < 0.3
+    assert (found.speed, found.unseen) == (0.0, True)
+
+
+@pytest.mark.parametrize("mask", [((30.0, 34.0), (-40.0, -36.0)), ((20.0, 24.0),), ((-90.0, -40.0),)])
+def test_what_a_mask_beside_the_way_hides_was_seen_before(mask: tuple[tuple[float, float], ...]) -> None:
+    robot = mounted(mask=mask)
+    assert unseen_ahead(robot, FIELDS) is None
+    watch = Watch(robot=robot)
+    assert driven_until_it_stands(watch)[0] == inf
+    found = watch.look(np.full(BEAMS, 9.0), command=0.7, speed=0.7)
+    assert found is None or found.speed > 0.5
+
+
+@pytest.mark.parametrize("mask", [((10.0, 16.0),), ((4.0, 9.0),)])
+def test_what_a_mask_hides_at_the_start_and_the_least_range_afterwards_is_never_seen(
+    mask: tuple[tuple[float, float], ...],
+) -> None:
+    """At y = 12 cm the sector from 10 to 16 degrees begins 68 cm ahead of the scanner, and ends 42 cm ahead of it."""
+    robot = mounted(mask=mask)
+    assert unseen_ahead(robot, FIELDS) is not None
+    driven, found = driven_until_it_stands(Watch(robot=robot))
+    assert 0.3 < driven < 0.4
+    assert found.unseen
+
+
+def test_what_a_masked_beam_shows_makes_nothing_known() -> None:
+    watch = Watch(robot=mounted(mask=((-10.0, 10.0),)))
+    for _ in range(30):
+        found = watch.look(np.full(BEAMS, 5.0))  # nothing is in their way: the scanner is simulated
+        watch.drive(0.02)
+    assert found is not None
+    assert found.unseen
+
+
+def test_what_goes_behind_a_mask_is_remembered() -> None:
+    watch = Watch(robot=mounted(mask=((20.0, 40.0),))).known()
+    bearing = 18.0
+    while bearing < 29.0:
+        thing = np.where(np.abs(np.degrees(ANGLES) - bearing) < 1.5, 0.8, 0.0)
+        watch.look(np.where((np.degrees(ANGLES) > 20.0) & (np.degrees(ANGLES) < 40.0), 0.0, thing), command=0.0)
+        pose = watch.odometry.pose
+        turned = Pose(x=pose.x, y=pose.y, heading=pose.heading - radians(0.5))
+        watch.odometry = Odometry(pose=turned, distance=watch.odometry.distance)
+        bearing += 0.5
+    for _ in range(10):
+        found = watch.look(np.zeros(BEAMS), command=0.5, steering=0.8)
+    assert found is not None
+    assert found.distance < 0.3

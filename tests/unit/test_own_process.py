@@ -6,8 +6,6 @@ import errno
 import os
 import signal
 import socket
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -336,21 +334,3 @@ def test_sigterm_to_all_processes_of_a_service_is_for_the_run(ends: bool) -> Non
             assert process.wait(60.0)
         assert process.end() == ("ended with status 0" if ends else "killed by SIGKILL")
     assert signal.SIGTERM not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
-
-
-def test_the_planner_ends_with_a_run_that_is_killed() -> None:
-    program = """
-import multiprocessing, os, signal
-from concurrent.futures import ProcessPoolExecutor
-from artemis.route_planning.device import end_with_the_run
-
-if __name__ == "__main__":
-    fresh = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(1, mp_context=fresh, initializer=end_with_the_run)
-    planner = pool.submit(os.getpid).result()
-    os.kill(planner, signal.SIGTERM)
-    assert pool.submit(os.getpid).result() == planner
-    os.kill(os.getpid(), signal.SIGKILL)
-"""
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, timeout=60)
-    assert done.returncode == -signal.SIGKILL, "and nobody holds its output any more"

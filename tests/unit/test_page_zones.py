@@ -67,7 +67,7 @@ def test_a_map_that_has_no_zones_gets_its_file(folder: Path) -> None:
         ({"corners": SQUARE[:2]}, "corners: "),
         ({"corners": ((0.0, 0.0), (1.0, 1.0), (2.0, 2.0))}, "on one line"),
         ({"corners": SQUARE, "name": "under-the-crane"}, "already"),
-        ({"corners": SQUARE, "known": "of yesterday"}, "changed by somebody else"),
+        ({"corners": SQUARE, "known": "of yesterday"}, "another operator has changed"),
         ({"corners": SQUARE, "map": "maps/other.yaml"}, "no step plans routes on maps/other.yaml"),
         ({"remove": 99}, "no zone"),
     ],

@@ -11,7 +11,7 @@ from core_builders import snapshot
 from test_map_readings import scan_of
 
 from artemis.mission.loading import load_model
-from artemis.motion.planned_route import packed
+from artemis.motion.planned_route import packed_route, planned_route
 from artemis.report.around import EVERY, DrivenAround
 from artemis.report.known_map import known_map
 from artemis.values import JobKind, JobResult, LocatedPose, Mode, Pose, SetPoints, Tick, Wish
@@ -45,11 +45,13 @@ def test_what_was_near_is_kept_now_and_then_while_the_robot_is_slowed_down() -> 
 
 def test_routes_are_kept_and_drawn() -> None:
     points = np.column_stack([np.arange(3.0), np.zeros(3), np.full(3, 0.4)])
-    result = JobResult(id=1, kind=JobKind.PLAN, drive="a route", ok=True, values=packed(points))
+    result = JobResult(
+        id=1, kind=JobKind.PLAN, drive="a route", ok=True, values=packed_route(planned_route(points, ROBOT, 0.4))
+    )
     around = DrivenAround(ROBOT)
     around.see(tick(0.0, results=(result,)), slowed=False)
     (route,) = around.routes
-    assert route[:, 0].tolist() == [0.0, 1.0, 2.0]
+    assert route[[0, -1]] == pytest.approx(np.array([[0.0, 0.0], [2.0, 0.0]]), abs=1e-6)
 
 
 def test_the_map_of_a_goto_is_known_wherever_the_step_stands() -> None:

@@ -13,16 +13,18 @@ from pydantic import ValidationError
 
 from artemis.mapping.occupancy import OccupancyMap
 from artemis.mission.loading import load_model
-from artemis.motion.planned_route import planned_route
+from artemis.motion.planned_route import unpacked_route
+from artemis.mounting import Outline
 from artemis.route_planning.curves import rolled, shortest
+from artemis.route_planning.device import warm_up
 from artemis.route_planning.floor import CELL, Floor, floor_from, goal_problem, resampled
-from artemis.route_planning.obstacle_layer import PlacedScan, standing
+from artemis.route_planning.obstacle_layer import PlacedScan, known_ground, placed_returns, standing
 from artemis.route_planning.planner import PlannedRoute, RouteRequest, plan_route
 from artemis.route_planning.zones import MapZone
 from artemis.scan import Scan
 from artemis.values import Pose
 from artemis.vehicle import RobotFile
-from artemis_lab.bench.goals import drawn
+from artemis_lab.bench.floor_plans import small_plan
 
 ROBOT = load_model(Path(__file__).parents[2] / "missions" / "robots" / "artemis_lms100.yaml", RobotFile)
 FRONT, REAR, HALF = 0.68, 0.12, 0.27
@@ -68,7 +70,7 @@ def test_a_route_is_free_drivable_and_ends_at_the_goal(
 ) -> None:
     on = floor(*boxes)
     found = planned(on, goal=goal)
-    route = planned_route(found.values, ROBOT, 0.5)
+    route = unpacked_route(found.values)
 
     poses = route.poses(0.02)
     assert min(room(on.occupied, pose) for pose in poses) >= 0.05
@@ -81,19 +83,19 @@ def test_a_route_is_free_drivable_and_ends_at_the_goal(
 def test_a_goal_behind_a_wall_is_told_without_a_search() -> None:
     found = planned(floor((2.5, 0.0, 2.7, 3.0)))
     assert (found.values, found.expanded) == ((), 0)
-    assert found.detail == "no way leads there, however the robot turns"
+    assert found.detail == "no path leads there, however the robot turns"
 
 
 def test_a_goal_that_is_hard_to_get_into_is_sought_from_there() -> None:
     """From the start alone it is not found among 30,000 poses."""
-    cells = np.where(drawn("clutter", 113), 100, 0).astype(np.int8)
+    cells = small_plan("clutter", 113).content.cells
     on = floor_from(OccupancyMap(cells=cells, resolution=CELL, origin=(0.0, 0.0, 0.0)))
     start = Pose(x=4.406474801287613, y=5.403271395871308, heading=1.3283234343261283)
     goal = Pose(x=7.771846070216147, y=7.349908002249883, heading=-1.8058398171609729)
     found = planned(on, start, goal)
     assert found.values, found.detail
     assert found.expanded < 10_000
-    poses = planned_route(found.values, ROBOT, 0.5).poses(0.02)
+    poses = unpacked_route(found.values).poses(0.02)
     assert min(room(on.occupied, pose) for pose in poses) >= 0.05
     assert math.hypot(poses[0].x - start.x, poses[0].y - start.y) <= 0.01
     assert math.hypot(poses[-1].x - goal.x, poses[-1].y - goal.y) <= 0.03
@@ -110,9 +112,9 @@ def test_a_goal_that_is_hard_to_get_into_is_sought_from_there() -> None:
 )  # fmt: skip
 def test_a_route_leaves_the_robot_something_to_miss_its_end_by(seed: int, start: Pose, goal: Pose) -> None:
     """A last piece shorter than the steering takes, and the fit turns the end by 2.4 degrees of the 3 allowed."""
-    cells = np.where(drawn("rooms", seed), 100, 0).astype(np.int8)
+    cells = small_plan("rooms", seed).content.cells
     on = floor_from(OccupancyMap(cells=cells, resolution=CELL, origin=(0.0, 0.0, 0.0)))
-    end = planned_route(planned(on, start, goal).values, ROBOT, 0.5).poses(0.02)[-1]
+    end = unpacked_route(planned(on, start, goal).values).poses(0.02)[-1]
     assert math.hypot(end.x - goal.x, end.y - goal.y) <= 0.03
     assert abs(math.remainder(end.heading - goal.heading, math.tau)) <= math.radians(1.5)
 
@@ -128,8 +130,8 @@ def test_a_keep_out_zone_is_driven_around_and_a_slow_one_slowly() -> None:
         floor(zones=(MapZone(kind="slow", speed_m_s=0.2, corners=((2.0, 0.0), (3.0, 0.0), (3.0, 3.0), (2.0, 3.0))),))
     )
 
-    assert max(pose.y for pose in planned_route(around.values, ROBOT, 0.5).poses(0.05)) > 1.7
-    path = planned_route(slow.values, ROBOT, 0.5).parts[0].path
+    assert max(pose.y for pose in unpacked_route(around.values).poses(0.05)) > 1.7
+    path = unpacked_route(slow.values).parts[0].path
     speeds, x = path.speeds(0.5), path.x
     assert speeds[(x > 2.1) & (x < 2.9)].max() <= 0.2 + 1e-6
     assert speeds[(x > 1.2) & (x < 1.5)].max() > 0.4
@@ -137,10 +139,7 @@ def test_a_keep_out_zone_is_driven_around_and_a_slow_one_slowly() -> None:
 
 def test_routes_like_a_zone_that_is_preferred() -> None:
     lane = MapZone(kind="prefer", corners=((0.5, 1.6), (4.5, 1.6), (4.5, 2.2), (0.5, 2.2)))
-    far = [
-        max(p.y for p in planned_route(planned(on).values, ROBOT, 0.5).poses(0.05))
-        for on in (floor(), floor(zones=(lane,)))
-    ]
+    far = [max(p.y for p in unpacked_route(planned(on).values).poses(0.05)) for on in (floor(), floor(zones=(lane,)))]
     assert far[0] < 1.3 < far[1]
 
 
@@ -165,7 +164,7 @@ def test_what_stands_on_the_floor_is_driven_around() -> None:
     assert standing(seen[:3], ROBOT.scanners, on).size == 0  # for a second only
     assert standing([*seen[:2], replace(seen[2], time=9.0)], ROBOT.scanners, on).size == 0  # with a gap
     free, beside = planned(on), planned(on, placed_scans=tuple(seen))
-    assert planned_route(beside.values, ROBOT, 0.5).length > planned_route(free.values, ROBOT, 0.5).length + 0.05
+    assert unpacked_route(beside.values).length > unpacked_route(free.values).length + 0.05
 
 
 def seen_at(metres: float, time: float, half: int = 20) -> PlacedScan:
@@ -229,3 +228,88 @@ def test_curves_lead_where_they_should() -> None:
             pose = rolled(*pose, length, bend)
         assert math.hypot(pose[0] - x, pose[1] - y) < 1e-6
         assert abs(math.remainder(pose[2] - heading, math.tau)) < 1e-6
+
+
+def test_what_a_robot_sees_while_it_turns_is_where_it_is() -> None:
+    """A round wall, 3 m around a robot that turns with 1.5 rad/s: the scanner measures for 15 ms."""
+    turn, speed, beam_time, now = 1.5, 0.5, 0.015 / 541, 10.0
+    mounting, bearings = ROBOT.scanners["front"], np.radians(np.arange(-135.0, 135.5, 0.5))
+    times, ranges = now - 0.030 + beam_time * np.arange(541), []
+    for time, bearing in zip(times.tolist(), bearings.tolist(), strict=True):
+        x, y, heading = rolled(0.0, 0.0, 0.0, speed * (time - now), turn / speed)
+        px, py = x + mounting.x_m * math.cos(heading), y + mounting.x_m * math.sin(heading)
+        along = px * math.cos(heading + bearing) + py * math.sin(heading + bearing)
+        ranges.append(round(1000.0 * (math.sqrt(along * along - px * px - py * py + 9.0) - along)))
+    scan = Scan(
+        source="front",
+        time=times[0],
+        beam_time=beam_time,
+        start_angle=bearings[0],
+        increment=bearings[1] - bearings[0],
+        ranges=np.array(ranges, "<u2").tobytes(),
+    )
+    still, moving = PlacedScan(now, Pose(), scan), PlacedScan(now, Pose(), scan, speed, turn)
+    raw, deskewed = (np.hypot(*placed_returns(each, mounting).T) for each in (still, moving))
+    assert len(deskewed) == 541
+    assert np.abs(deskewed - 3.0).max() < 0.002
+    assert np.abs(raw - 3.0).max() > 0.01
+
+
+WALLS = np.full(541, 4000, "<u2")
+
+
+def scan_with(ranges: NDArray[np.uint16], time: float, mask: tuple[int, int] | None = None) -> Scan:
+    if mask is not None:
+        ranges = ranges.copy()
+        ranges[mask[0] : mask[1]] = 300
+    first, step = -math.radians(135), math.radians(0.5)
+    return Scan(source="front", time=time, start_angle=first, increment=step, ranges=ranges.tobytes())
+
+
+def test_ground_is_known_where_the_robot_drove_and_where_it_saw_nothing_from_nearby() -> None:
+    on = floor()
+    driven = [PlacedScan(0.5 * n, Pose(x=1.0 + 0.2 * n, y=1.5), scan_with(WALLS, 0.5 * n)) for n in range(11)]
+
+    def is_known(x: float, y: float, scans: list[PlacedScan]) -> bool:
+        row, column = on.cells_of(np.array([[x, y]]))
+        return bool(known_ground(scans, ROBOT, on)[row[0], column[0]])
+
+    assert is_known(1.0, 1.5, driven), "the outline was there"
+    assert is_known(3.0, 1.5, driven)
+    assert is_known(1.9, 2.3, driven), "seen beside the way"
+    assert not is_known(0.7, 1.5, driven), "behind the robot when it began"
+    assert not is_known(1.9, 2.7, driven), "too far away for thin things"
+    older = PlacedScan(60.0, Pose(x=3.2, y=1.5), scan_with(WALLS, 60.0))
+    assert not is_known(1.0, 1.5, [*driven, older]), "a minute ago"
+    near = WALLS.copy()
+    near[271:] = 400  # something stands on the left
+    beside = [PlacedScan(each.time, each.pose, scan_with(near, each.time)) for each in driven]
+    assert not is_known(1.9, 2.3, beside)
+
+
+@pytest.mark.parametrize("driven", [True, False])
+def test_a_route_begins_backwards_over_known_ground_if_there_is_some(driven: bool) -> None:
+    """A robot that stands before a wall may go back along what it drove; one that woke up there has not seen it."""
+    on = floor((2.4, 0.0, 2.6, 2.2))
+    start, goal = Pose(x=1.6, y=0.8), Pose(x=0.8, y=2.0, heading=math.pi)
+    came = [PlacedScan(0.5 * n, Pose(x=0.6 + 0.1 * n, y=0.8), scan_with(WALLS, 0.5 * n)) for n in range(11)]
+    seen = tuple(came if driven else came[-1:])
+    known, found = known_ground(seen, ROBOT, on), planned(on, start, goal, placed_scans=seen, over_known=True)
+    (first, *_) = unpacked_route(found.values).parts
+    assert first.backward
+    row, column = on.cells_of(np.column_stack([first.path.x, first.path.y])[:40] - (REAR - 0.01, 0.0))
+    assert known[row, column].all() == driven
+
+
+@pytest.mark.parametrize("size", [0.5, 1.0, 3.0])
+def test_warming_up_plans_fits_and_packs_a_route(size: float) -> None:
+    """Whatever the robot: one that returned before it searched would leave the compilation to the first plan."""
+    outline = Outline(front_m=size * FRONT, rear_m=size * REAR, half_width_m=size * HALF)
+    found = warm_up(ROBOT.model_copy(update={"outline": outline}))
+    assert found.values, found.detail
+    assert found.expanded > 0
+
+
+def test_scans_that_show_nothing_on_the_map_are_no_obstacle() -> None:
+    nothing = [PlacedScan(0.5 * n, START, scan_with(np.zeros(541, "<u2"), 0.5 * n)) for n in range(6)]
+    assert standing(nothing, ROBOT.scanners, floor()).size == 0

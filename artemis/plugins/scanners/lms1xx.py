@@ -39,6 +39,7 @@ class Lms1xxScanner:
 
     Config: ClassVar[type[Config]] = Lms1xxConfig
     contract: ClassVar[int] = 1
+    field_deg: ClassVar[tuple[float, float]] = (-135.0, 135.0)
 
     def __init__(self, config: Lms1xxConfig, context: PluginContext) -> None:
         """Nothing is opened before it runs."""

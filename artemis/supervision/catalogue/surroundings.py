@@ -1,4 +1,4 @@
-"""Faults of what tells where the robot is and where it shall go: scanner, localisation, path."""
+"""Faults of scanners, localisation and paths."""
 
 from __future__ import annotations
 
@@ -207,5 +207,13 @@ SURROUNDINGS: dict[str, Row] = {
         "it must return within 15 ms",
         within=0.08,
         shows_as=("DRV-38",),
+    ),
+    "PTH-10": Row(
+        "planning ended",
+        Found.MODE,
+        S2,
+        K,
+        "the process that plans routes and fits paths has ended",
+        "is this computer's memory full? the system ends what takes too much; acknowledge, and it is started again",
     ),
 }
