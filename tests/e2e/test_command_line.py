@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from html.parser import HTMLParser
 from importlib.metadata import EntryPoint
+from importlib.util import find_spec
 from pathlib import Path
 from types import MappingProxyType
 
