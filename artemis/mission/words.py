@@ -135,7 +135,7 @@ class EndWord(Config):
     outcome: Literal["done", "failed"] = "done"
     """failed: exit status 1."""
     say: Text | None = None
-    """What is reported to people."""
+    """The message that is shown to the operator."""
 
 
 class MissionPart(Config):
@@ -169,7 +169,7 @@ class Step(Config):
     teleop: Teleop | None = None
     ask: Ask | None = None
     say: Text | None = None
-    """Report something to people."""
+    """Show a message to the operator."""
     repeat: RepeatWord | None = None
     try_: TryWord | None = Field(default=None, alias="try")
     during: DuringWord | None = None
