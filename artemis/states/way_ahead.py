@@ -4,7 +4,7 @@ Counted are paths of files, as far as they are certain to follow: all of a seque
 has by number, one round of any other, of `choose` the shortest branch. Not counted is what is not known before it
 is driven, or may not come: routes of a `goto`, paths that are recorded first, driving by hand, behaviours; what
 `try` does after another outcome, the steps of a `when`; and the steps of a `during` that may be left before they are
-done, by its time or by a `when` with another `then` than to go on.
+done, by its time or by a `when` with another `then` than to resume or restart.
 """
 
 from __future__ import annotations
