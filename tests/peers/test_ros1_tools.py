@@ -26,6 +26,7 @@ from artemis.bridges.topics import Topics
 from artemis.mapping.occupancy import OccupancyMap, ShownMap
 from artemis.mission.loading import load_model
 from artemis.plugins.contracts import PluginContext
+from artemis.plugins.inputs import ros1
 from artemis.plugins.inputs.ros1 import Ros1Input, Ros1InputConfig
 from artemis.plugins.observers.ros1 import Ros1Observer, Ros1ObserverConfig
 from artemis.testing.observers import ObserverContract
@@ -94,6 +95,12 @@ class Ros:
                 process.terminate()
         for process in self.running:
             process.communicate(timeout=DURATION)
+
+
+@pytest.fixture(autouse=True)
+def never_held_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """That this computer is busy is no hold-up of an input in this process."""
+    monkeypatch.setattr(ros1, "stopwatch", lambda: 0.0)
 
 
 @pytest.fixture
@@ -204,7 +211,7 @@ def test_what_rostopic_has_kept_arms_nothing_but_a_stop_that_it_has_kept_stops(r
         for number in (1, 2):
             until(lambda: min(len(problems), len(requests)) >= number)  # noqa: B023 (called here)
             assert requests == number * [Request.QUICKSTOP]
-            assert all(row == "NET-04" and "for whoever connects: without effect" in words for row, words in problems)
+            assert all(row == "NET-04" and "latched message from" in words for row, words in problems)
             cut(device)
         tool = ros.begin("rostopic", "pub", "-1", "/arm", "std_msgs/Empty")
         until(lambda: Request.ARM in requests)
