@@ -63,7 +63,7 @@ def common(
 @app.command()
 def run(
     mission: MissionFile,
-    simulate: Annotated[bool, typer.Option("--simulate", help="Against simulated drives, whatever the bus.")] = False,
+    simulate: Annotated[bool, typer.Option("--simulate", help="Use simulated drives instead of the bus.")] = False,
     resume: Annotated[Path | None, typer.Option(metavar="RUN", help="Resume that run where it stopped.")] = None,
     page: Annotated[bool, typer.Option("--page", help="Serve a page for operators: see, stop, drive.")] = False,
     page_port: PagePort = None,
@@ -71,7 +71,7 @@ def run(
     page_tls: PageTls = None,
     started_by_page: Annotated[str | None, typer.Option(metavar="HASH", hidden=True)] = None,
 ) -> None:
-    """Run a mission: bring the drives up, align, do its steps, stop, leave a recording and a report."""
+    """Run a mission: bring the drives up, align the wheels, do its steps, stop, write a recording and a report."""
     from artemis.commands.page import page_options
     from artemis.commands.run import run_and_report
 
@@ -86,17 +86,18 @@ def run(
 def check(
     missions: Annotated[list[Path], typer.Argument(metavar="MISSION...", help="Mission files (YAML).")],
     walk: Annotated[
-        int, typer.Option(metavar="N", min=0, max=100_000, help="Also which steps N random walks never reach.")
+        int, typer.Option(metavar="N", min=0, max=100_000, help="Report the steps that N random walks never reach.")
     ] = 0,
-    seed: Annotated[int, typer.Option(help="Of the random walks.")] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="A line of JSON for each, for programs.")] = False,
-    with_page: Annotated[bool, typer.Option("--page", help="As `run --page` runs them; goes with --json.")] = False,
+    seed: Annotated[int, typer.Option(help="Set the seed of the random walks.")] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print a line of JSON for each mission.")] = False,
+    with_page: Annotated[bool, typer.Option("--page", help="Check as for `run --page`; with --json.")] = False,
 ) -> None:
-    """Say everything that `run` would refuse, without moving."""
+    """Report everything that `run` would refuse, without moving."""
     if as_json:
         from artemis.commands.check import tell_as_json
 
         raise typer.Exit(0 if tell_as_json(missions, page=with_page) else REFUSED)
+    from artemis.mission.extras import slower_without_numba
     from artemis.mission.loading import load_mission
     from artemis.mission.random_walks import walked
     from artemis.planning import check_drivable, is_simulated
@@ -106,7 +107,8 @@ def check(
         try:
             loaded = load_mission(mission)
             check_drivable(loaded, mission, is_simulated(loaded))
-            typer.echo("\n  ".join([f"{mission}: ok", *loaded.remarks, *walked(loaded, walk, seed)]))
+            remarks = [*loaded.remarks, *slower_without_numba(loaded), *walked(loaded, walk, seed)]
+            typer.echo("\n  ".join([f"{mission}: ok", *remarks]))
         except ConfigError as error:
             problems += error.problems
     if problems:
@@ -115,11 +117,11 @@ def check(
 
 @app.command()
 def init(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Where to; made if it is not there.")] = Path(),
-    yes: Annotated[bool, typer.Option("--yes", help="Ask nothing: the machine is ARTEMIS.")] = False,
-    force: Annotated[bool, typer.Option("--force", help="Replace files that are there.")] = False,
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder to write to, created if missing.")] = Path(),
+    yes: Annotated[bool, typer.Option("--yes", help="Use the numbers of ARTEMIS without asking.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace existing files.")] = False,
 ) -> None:
-    """Ask for the machine, and write its robot file and a first mission, which run simulated at once."""
+    """Ask for the numbers of a machine, and write its robot file and a first mission for simulated drives."""
     from artemis.commands.init import begin
 
     begin(folder, ask=not yes, force=force)
@@ -128,11 +130,12 @@ def init(
 @app.command()
 def doctor(
     mission: Annotated[
-        Path | None, typer.Option("--mission", metavar="M", help="Also what this mission needs; asks its drives.")
+        Path | None,
+        typer.Option("--mission", metavar="M", help="Check for this mission, too; query its drives."),
     ] = None,
-    report: Annotated[bool, typer.Option("--report", help="Everything, to paste where you ask for help.")] = False,
+    report: Annotated[bool, typer.Option("--report", help="Print a full report for a request for help.")] = False,
 ) -> None:
-    """Check this computer: packages, CAN, input devices, plugins, disk, clock, timing; for each problem, what to do."""
+    """Check packages, CAN, input devices, plugins, disk, clock and timing of this computer; print remedies."""
     from artemis.commands.doctor import examine
 
     raise typer.Exit(examine(mission, report=report))
@@ -141,27 +144,27 @@ def doctor(
 @app.command()
 def sim(
     robot: Annotated[Path, typer.Argument(metavar="ROBOT", help="Robot file (YAML).")],
-    interface: Annotated[str | None, typer.Option(help="python-can's name of the back end.")] = None,
-    channel: Annotated[str | None, typer.Option(help="Channel, as python-can calls it.")] = None,
-    option: Annotated[list[str] | None, typer.Option(metavar="K=V", help="Extra python-can option.")] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the random numbers.")] = 1,
+    interface: Annotated[str | None, typer.Option(help="Use this back end of python-can.")] = None,
+    channel: Annotated[str | None, typer.Option(help="Use this channel of python-can.")] = None,
+    option: Annotated[list[str] | None, typer.Option(metavar="K=V", help="Pass an extra option to python-can.")] = None,
+    seed: Annotated[int, typer.Option(help="Set the seed of the random numbers.")] = 1,
     true: Annotated[
-        Path | None, typer.Option("--true", metavar="FILE", help="True parameters of the simulated machine.")
+        Path | None, typer.Option("--true", metavar="FILE", help="Set the true parameters of the simulated machine.")
     ] = None,
     scanner: Annotated[
         list[str] | None,
-        typer.Option(metavar="[NAME=]HOST:PORT", help="Where a scanner of the robot takes connections; port 0: any."),
+        typer.Option(metavar="[NAME=]HOST:PORT", help="Serve a scanner of the robot here; port 0: any."),
     ] = None,
     world: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="What the scanners see, as a mission's simulation.world.")
+        Path | None, typer.Option(metavar="FILE", help="Set what the scanners see: a simulation.world.")
     ] = None,
     serial: Annotated[
-        str | None, typer.Option(metavar="epos1|epos4", help="On a pseudo-terminal instead, by this protocol.")
+        str | None, typer.Option(metavar="epos1|epos4", help="Use a pseudo-terminal instead, with this protocol.")
     ] = None,
-    baud: Annotated[int, typer.Option(help="Of that serial line.")] = 115200,
-    latency: Annotated[float, typer.Option("--latency-ms", min=0, help="Of its USB adapter.")] = 0.0,
+    baud: Annotated[int, typer.Option(help="Set the baud rate of that serial line.")] = 115200,
+    latency: Annotated[float, typer.Option("--latency-ms", min=0, help="Set the latency of its USB adapter.")] = 0.0,
 ) -> None:
-    """Simulate the robot's drives on a real bus, in real time, for any CANopen tool, and its scanners over TCP.
+    """Simulate the robot's drives on a real bus in real time, and its scanners over TCP.
 
     Or its first drive on a serial line, for any program that opens a port. Ctrl-C ends it.
     """
@@ -182,20 +185,20 @@ def sim(
 @app.command()
 def operator(
     address: Annotated[
-        str, typer.Argument(metavar="ADDRESS|pair", help="Of the robot: HOST[:PORT]; pair: share a secret.")
+        str, typer.Argument(metavar="ADDRESS|pair", help="Address of the robot, HOST[:PORT]; pair: share a secret.")
     ],
     device: Annotated[
-        str, typer.Option("--input", metavar="NAME", help="An input plugin, stick, or an input of --mission.")
+        str, typer.Option("--input", metavar="NAME", help="Use an input plugin, stick, or an input of --mission.")
     ] = "stick",
-    mission: Annotated[Path | None, typer.Option(metavar="M", help="A mission whose inputs are meant.")] = None,
-    option: Annotated[list[str] | None, typer.Option(metavar="K=V", help="A key of the input plugin.")] = None,
-    stop: Annotated[bool, typer.Option("--stop", help="Only have the robot stop, whoever drives it.")] = False,
-    name: Annotated[str | None, typer.Option(metavar="WHO", help="What the robot calls you; your user name.")] = None,
-    secret: Annotated[Path | None, typer.Option(metavar="FILE", help="Where the secret is kept.")] = None,
-    tls: Annotated[Path | None, typer.Option(metavar="FILE", help="The robot's certificate: encrypt the link.")] = None,
-    force: Annotated[bool, typer.Option("--force", help="pair: replace the secret that is there.")] = False,
+    mission: Annotated[Path | None, typer.Option(metavar="M", help="Use the inputs of this mission.")] = None,
+    option: Annotated[list[str] | None, typer.Option(metavar="K=V", help="Set a key of the input plugin.")] = None,
+    stop: Annotated[bool, typer.Option("--stop", help="Stop the robot, whichever operator drives it.")] = False,
+    name: Annotated[str | None, typer.Option(metavar="WHO", help="Set your name in the robot's journal.")] = None,
+    secret: Annotated[Path | None, typer.Option(metavar="FILE", help="Use this file of the secret.")] = None,
+    tls: Annotated[Path | None, typer.Option(metavar="FILE", help="Encrypt the link: robot certificate.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="pair: replace the existing secret.")] = False,
 ) -> None:
-    """Drive a robot from this computer by any of its devices; `artemis operator pair` on both sides comes before."""
+    """Drive a robot from this computer with an input device; first run `artemis operator pair` on both sides."""
     from artemis.commands.operator import PAIR, DeviceChoice, operate, pair, user_name
 
     if address == PAIR:
@@ -209,24 +212,24 @@ def operator(
 def report(
     run: RunFolder,
     truth: Annotated[
-        str | None, typer.Option(metavar="FILE", help="True poses: CSV or TUM, or `simulation` for its own.")
+        str | None, typer.Option(metavar="FILE", help="Compare with true poses: CSV, TUM or `simulation`.")
     ] = None,
     align: Annotated[
-        str | None, typer.Option(metavar="none|start|best", help="How its frame is made one with the run's.")
+        str | None, typer.Option(metavar="none|start|best", help="Align the truth's frame with the run's this way.")
     ] = None,
     sensor: Annotated[
-        str | None, typer.Option(metavar="X,Y[,DEG]", help="Its tracker on the robot: m ahead, left of the rear axle.")
+        str | None, typer.Option(metavar="X,Y[,DEG]", help="Set the tracker's place: m ahead, left of the rear axle.")
     ] = None,
-    same_clock: Annotated[bool, typer.Option("--same-clock", help="Its times are run times.")] = False,
-    export: Annotated[str | None, typer.Option(metavar="tum", help="Also write the trajectories.")] = None,
+    same_clock: Annotated[bool, typer.Option("--same-clock", help="Take its times as run times.")] = False,
+    export: Annotated[str | None, typer.Option(metavar="tum", help="Write the trajectories, too.")] = None,
     other: Annotated[
-        Path | None, typer.Option("--with", metavar="RUN2", help="A second run: both in each chart, and what differs.")
+        Path | None, typer.Option("--with", metavar="RUN2", help="Compare with a second run, in each chart.")
     ] = None,
     at: Annotated[
-        str | None, typer.Option(metavar="start|STEP", help="With two: where both are at zero, a step by its name.")
+        str | None, typer.Option(metavar="start|STEP", help="Align two runs: at this time reference, or a step's name.")
     ] = None,
 ) -> None:
-    """Write the page of a run: charts, numbers, events; with a truth, also how far from it the odometry was."""
+    """Write the report of a run: charts, numbers, events; with ground truth, also the odometry's error."""
     from artemis.commands.report import report, report_with
 
     if other is not None:
@@ -250,10 +253,10 @@ def replay(run: RunFolder) -> None:
 @app.command()
 def devices(
     mission: Annotated[
-        Path | None, typer.Option("--mission", metavar="M", help="Also ask the drives on its bus.")
+        Path | None, typer.Option("--mission", metavar="M", help="Query the drives on its bus, too.")
     ] = None,
 ) -> None:
-    """List CAN adapters, joysticks, gamepads and wheels; with a mission also the drives that answer."""
+    """List CAN adapters, joysticks, gamepads and wheels; with a mission, also the drives that answer."""
     from artemis.commands.devices import show_devices
 
     raise typer.Exit(0 if show_devices(mission) else FAILED)
@@ -262,8 +265,8 @@ def devices(
 @app.command()
 def configure(
     mission: MissionFile,
-    store: Annotated[bool, typer.Option("--store", help="Have the drives keep it when their power goes.")] = False,
-    simulate: Annotated[bool, typer.Option("--simulate", help="Against simulated drives, whatever the bus.")] = False,
+    store: Annotated[bool, typer.Option("--store", help="Store it in the drives' permanent memory.")] = False,
+    simulate: Annotated[bool, typer.Option("--simulate", help="Use simulated drives instead of the bus.")] = False,
 ) -> None:
     """Write the robot file's configuration into a mission's drives, over CAN or a serial line; nothing moves."""
     from artemis.commands.configure import configure_drives
@@ -289,12 +292,12 @@ def faults(
     ids: Annotated[
         list[str] | None, typer.Argument(metavar="[ID...]", help="Rows such as DRV-25; all if left out.")
     ] = None,
-    markdown: Annotated[bool, typer.Option("--markdown", help="As the page of the documentation.")] = False,
+    markdown: Annotated[bool, typer.Option("--markdown", help="Print the page of the documentation.")] = False,
     robot: Annotated[
-        Path | None, typer.Option("--robot", help="A robot file: say which rows are never noticed on it.")
+        Path | None, typer.Option("--robot", help="List the rows that cannot occur on this robot.")
     ] = None,
 ) -> None:
-    """Show the fault table: what is noticed, how fast, what follows, how it goes on."""
+    """Show the fault table: what is detected, how fast, the reaction, and the recovery."""
     from artemis.commands.faults import show_faults
 
     show_faults(ids or [], markdown, robot)
@@ -302,8 +305,8 @@ def faults(
 
 @app.command()
 def schema(
-    kind: Annotated[str, typer.Argument(metavar="mission|robot", help="Of which file.")] = "mission",
-    markdown: Annotated[bool, typer.Option("--markdown", help="A mission's steps, as in the documentation.")] = False,
+    kind: Annotated[str, typer.Argument(metavar="mission|robot", help="Kind of file.")] = "mission",
+    markdown: Annotated[bool, typer.Option("--markdown", help="Print the steps as in the documentation.")] = False,
 ) -> None:
     """Print the JSON schema of a mission or robot file, for editors."""
     import json

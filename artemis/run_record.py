@@ -164,7 +164,7 @@ class RunRecord:
         name = wanted.scanner or next(iter(loaded.robot.scanners))
         files = [self.folder.map, *([loaded.folder / wanted.file] if wanted.file is not None else [])]
         return LiveMap(
-            ScanReadings(MapSettings(), name, loaded.robot.scanners[name]),
+            ScanReadings(MapSettings(), loaded.robot, name),
             dict.fromkeys(files, wanted.resolution_m),
             lambda text: self.recorder.note(Entry(time=self.time, kind="map", text=text)),
             threaded=self.threaded,

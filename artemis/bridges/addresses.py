@@ -47,6 +47,18 @@ def bound(address: str, port: int = 0, *, listening: bool = False, shared: bool 
     return made
 
 
+def listening_at(plugin: str, address: str, port: int) -> socket.socket:
+    """A socket at which clients connect; port 0: any that is free.
+
+    Raises:
+        ConfigError: the port is in use, or this computer has no such address. `plugin`: its name in the mission.
+    """
+    try:
+        return bound(address, port, listening=True)
+    except OSError as error:
+        raise ConfigError(f"{plugin}: {address}, port {port}: {error.strerror}") from None
+
+
 def check_listen(plugin: str, address: str) -> None:
     """Nothing, if this computer has the address. Nothing is left open.
 

@@ -36,7 +36,7 @@ class KeptProcess(ABC):
         self.pid: int | None = None
         self._fds = fds
         self._new = False
-        """It can be talked to, and nobody has yet: who tells it what holds for long clears this."""
+        """It can be talked to, and has been sent nothing yet: who sends it what holds for long clears this."""
         self._connection: Connection | None = None
         self._sending = threading.Lock()
         self._end = threading.Event()
@@ -61,7 +61,7 @@ class KeptProcess(ABC):
 
     @abstractmethod
     def _first(self) -> bytes:
-        """What a new process is told first."""
+        """What is sent to a new process first."""
 
     @abstractmethod
     def _hear(self, block: bytes) -> str:
@@ -70,7 +70,7 @@ class KeptProcess(ABC):
     # ------------------------------------------------------------------------------------------ its life
 
     def _send(self, block: bytes) -> None:
-        """Tell it something; waits for one that is slow, until that is ended."""
+        """Send it something; waits for one that is slow, until that is ended."""
         with self._sending:
             if self._connection is not None:
                 with suppress(OSError):  # it has ended; the thread finds that
@@ -90,12 +90,14 @@ class KeptProcess(ABC):
 
     def _live(self, first: bytes) -> str:
         """Have a process until it ends; returns why it did."""
-        ours, its = Pipe()
+        ours: Connection | None = None
         try:
+            ours, its = Pipe()
             with its:
                 process = ChildProcess(["-m", self.module], [*self._fds, its.fileno()])
         except OSError as error:
-            ours.close()
+            if ours is not None:
+                ours.close()
             return f"its process cannot be started: {error.strerror}"
         self.pid = process.pid
         failure = self._talk(ours, first, process)
@@ -109,7 +111,7 @@ class KeptProcess(ABC):
         return failure or f"its process: {words}"
 
     def _talk(self, ours: Connection, first: bytes, process: ChildProcess) -> str:
-        """Tell the process what it is, and hear it until it ends; returns why it shall end, if it has not."""
+        """Send the process what it is, and hear it until it ends; returns why it shall end, if it has not."""
         patience, silent = BEGIN, 0.0
         with suppress(EOFError, OSError):
             ours.send_bytes(first)

@@ -51,6 +51,11 @@ def part_of_name(text: str) -> str:
     return text if _BASE.fullmatch(text) else f"n{text}"
 
 
+def absolute(name: str) -> str:
+    """The absolute name of one in the namespace `/`."""
+    return "/" + name.lstrip("/")
+
+
 class NameResolver:
     """Resolves the names that one node uses."""
 

@@ -42,7 +42,7 @@ def clashing(plugins: Mapping[KeyPath, tuple[Any, Any]]) -> Iterator[tuple[KeyPa
         for place in config.places(name):
             owner = next((owner for owner, other in taken if place.clashes(other)), None)
             if owner is not None:
-                yield (*path, place.key), f"{place.what} is that of {owner}, too"
+                yield (*path, place.key), f"{place.what} is already used by {owner}"
             taken.append((f"{group}.{name}", place))
 
 

@@ -90,12 +90,6 @@ class Mailbox:
         self._asked: dict[Request, Asked] = {}
         self._stopping = False
 
-    @property
-    def is_empty(self) -> bool:
-        """Nothing waits."""
-        with self._lock:
-            return not (self._commands or self._asked) and self._received == Received()
-
     def command(self, sender: str, at: float, command: Command) -> None:
         """A command arrived at `at` [s]."""
         with self._lock:
@@ -117,7 +111,7 @@ class Mailbox:
     def problem(self, row: str, words: str) -> None:
         """Something could not be used."""
         with self._lock:
-            self._tell(row, words)
+            self._report(row, words)
         self._news()
 
     def garbled(self) -> None:
@@ -127,7 +121,7 @@ class Mailbox:
         self._news()
 
     def ask(self, request: Request, at: float, *, called: bool = False) -> int:
-        """Somebody asks for it; returns the number of the call whose answer is waited for, if it is `called`."""
+        """A client asks for it; returns the number of the call whose answer is waited for, if it is `called`."""
         number = next(self._numbers) if called else 0
         self._ask(Asked(request, at, [number] if called else []))
         return number
@@ -140,7 +134,7 @@ class Mailbox:
             self._received.enable = received.enable or self._received.enable
             self._received.poses.update(received.poses)
             for row, words in received.problems:
-                self._tell(row, words)
+                self._report(row, words)
             self._received.bad |= received.bad
         for asked in received.asked:
             self._ask(asked)
@@ -160,7 +154,7 @@ class Mailbox:
         if len(self._commands) < MOST:
             self._commands[sender] = at, command
 
-    def _tell(self, row: str, words: str) -> None:
+    def _report(self, row: str, words: str) -> None:
         if (row, words) not in self._received.problems and len(self._received.problems) < MOST:
             self._received.problems.append((row, words))
 
@@ -203,7 +197,7 @@ class Receiver:
     def __init__(
         self, rules: CommandRules, types: Messages, mailbox: Mailbox, clock: Callable[[], float] = stopwatch
     ) -> None:
-        """What it understands goes to the `mailbox`."""
+        """What it understands goes to the `mailbox`; `clock`: when what it is given now arrived [s]."""
         self.rules, self._types, self._mailbox, self._clock = rules, types, mailbox, clock
         for type in (rules.type, BOOL, *(POSE_TYPES[name] for name in rules.poses)):
             types.prepare(type)
@@ -220,13 +214,13 @@ class Receiver:
         return heard
 
     def call(self, name: str) -> int:
-        """Somebody calls the service of that name; returns the number of the call."""
+        """A client calls the service of that name; returns the number of the call."""
         return self._mailbox.ask(REQUESTS[name], self._clock(), called=True)
 
     @staticmethod
     def without_effect(name: str, why: str) -> str:
         """Words for what arrived on the topic `name` and is not taken."""
-        return f"{name}: {why}: without effect; ask again"
+        return f"{name}: {why}; send it again"
 
     def too_old(self, name: str, why: str) -> str:
         """A request, or a pose, arrived and is not taken; returns the words, which are a warning."""

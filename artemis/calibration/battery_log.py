@@ -1,4 +1,4 @@
-"""What a recording tells of the battery: its voltage, and what the robot file says was taken meanwhile."""
+"""What a recording has on the battery: its voltage, and what the robot file says was taken meanwhile."""
 
 from __future__ import annotations
 

@@ -16,6 +16,7 @@ from artemis.mapping.se2 import Array, between, within, wrapped
 from artemis.mapping.settings import MapSettings
 from artemis.mounting import Mounting
 from artemis.values import Tick
+from artemis.vehicle import RobotFile
 
 STEP, TURN = 0.06, 0.05
 """A scan counts after so much of a motion [m, rad]."""
@@ -39,20 +40,20 @@ class ScannerDrive:
     """Scans that fitted nowhere."""
 
 
-def scanner_drive(ticks: Iterable[Tick], name: str, mounting: Mounting) -> ScannerDrive:
+def scanner_drive(ticks: Iterable[Tick], robot: RobotFile, name: str) -> ScannerDrive:
     """Follow a scanner by its scans alone through a recording.
 
     Args:
         ticks: of the run.
+        robot: as it was recorded; of the scanner's mounting only the mask and the least range count.
         name: of the scanner.
-        mounting: as it was recorded; only the mask and the least range count.
 
     Raises:
         CalibrationError: it did not move, or its scans do not fit each other.
     """
-    place = mounting.model_copy(update={"x_m": 0.0, "y_m": 0.0, "heading_deg": 0.0})
+    place = robot.scanners[name].model_copy(update={"x_m": 0.0, "y_m": 0.0, "heading_deg": 0.0})
     settings = MapSettings()
-    upright, hanging = ScanReadings(settings, name, place), ScanReadings(settings, name, _hung(place))
+    upright, hanging = (ScanReadings(settings, robot, name, each) for each in (place, _hung(place)))
     kept: list[tuple[Reading, Reading]] = []
 
     def moved(odometry: Array) -> bool:

@@ -45,7 +45,7 @@ def calibrate_scanner(run: Path, scanner: str | None, robot_file: Path | None, *
         raise ConfigError(f"{robot_file}: its scanner {name!r} differs from that of the run; drive again")
     if not COMPILED:
         sys.stderr.write(f"{NOTICE}\n")
-    drive = scanner_drive(recording.ticks(), name, old)
+    drive = scanner_drive(recording.ticks(), recording.robot, name)
     found = fit_mounting(drive.odometry, drive.scanner)
     wanted = changes(name, old, drive, found)
     tell(name, old, drive, found, wanted)

@@ -10,6 +10,7 @@ from typing import Any
 
 from artemis.devices.multicast import place_of
 from artemis.errors import ConfigError
+from artemis.mission.extras import slower_without_numba
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.schema import BusWords, SerialWords
 from artemis.planning import check_drivable, is_simulated
@@ -50,7 +51,7 @@ def facts_of(mission: Path, *, page: bool) -> dict[str, Any]:
         check_drivable(loaded, mission, simulated)
     except ConfigError as error:
         return {**facts, "remarks": [], "problems": error.problems}
-    return {**facts, "remarks": list(loaded.remarks), "problems": []}
+    return {**facts, "remarks": [*loaded.remarks, *slower_without_numba(loaded)], "problems": []}
 
 
 def bus_of(loaded: LoadedMission) -> str:

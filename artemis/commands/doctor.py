@@ -21,6 +21,7 @@ from artemis.build import described
 from artemis.commands.doctor_page import page_findings, priority
 from artemis.commands.findings import FAILURE, NOTE, OK, WARNING, Finding
 from artemis.errors import ConfigError, DeviceLost
+from artemis.mission.extras import SLOWER
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.planning import is_simulated
 from artemis.plugins.registry import CONTRACTS, listing
@@ -102,7 +103,8 @@ def _software(everything: bool) -> Iterator[Finding]:
             if extra is None:
                 yield Finding(FAILURE, f"{need.name} is not installed", f"pip install '{need.name}{need.specifier}'")
             elif extra not in DEVELOPERS:
-                yield Finding(NOTE, f"extra {extra} is not installed", f"pip install 'artemis-robot[{extra}]'")
+                costs = f": {'; '.join(SLOWER)}" if extra == "slam" else ""
+                yield Finding(NOTE, f"extra {extra} is not installed{costs}", f"pip install 'artemis-robot[{extra}]'")
             continue
         if not need.specifier.contains(found, prereleases=True):
             grade = FAILURE if extra is None else WARNING

@@ -12,11 +12,11 @@ from artemis.errors import ConfigError
 maps = typer.Typer(
     rich_markup_mode=None,
     no_args_is_help=True,
-    help="Maps from laser scans: made of runs, shown, corrected.",
+    help="Build, show and edit maps from laser scans.",
 )
 
-Output = Annotated[Path, typer.Option("--output", "-o", metavar="MAP", help="The map to write (.yaml).")]
-Force = Annotated[bool, typer.Option("--force", help="Overwrite.")]
+Output = Annotated[Path, typer.Option("--output", "-o", metavar="MAP", help="Write the map to this file (.yaml).")]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite existing files.")]
 
 
 @maps.command("build")
@@ -25,17 +25,15 @@ def build_map(
         list[Path], typer.Argument(metavar="RUN...", help="Folders of runs, or CARMEN logs (.clf, .log, also .gz).")
     ],
     output: Output,
-    resolution: Annotated[float, typer.Option(metavar="M", help="Side of a cell.")] = 0.05,
-    scanner: Annotated[str | None, typer.Option(metavar="NAME", help="Of several in a run, this one.")] = None,
-    without_odometry: Annotated[
-        bool, typer.Option("--without-odometry", help="Do not use what the wheels say.")
-    ] = False,
+    resolution: Annotated[float, typer.Option(metavar="M", help="Set the side of a cell.")] = 0.05,
+    scanner: Annotated[str | None, typer.Option(metavar="NAME", help="Use this one of several scanners.")] = None,
+    without_odometry: Annotated[bool, typer.Option("--without-odometry", help="Do not use the odometry.")] = False,
     begun: Annotated[
-        Path | None, typer.Option("--continue", metavar="MAP", help="Go on with this map (.yaml), from its graph.")
+        Path | None, typer.Option("--continue", metavar="MAP", help="Extend this map (.yaml), from its graph.")
     ] = None,
     force: Force = False,
 ) -> None:
-    """Make a map of what a laser scanner saw; a run begins about where the one before ended."""
+    """Build a map from laser scans; each further run has to begin about where the one before ended."""
     from artemis.commands.map_build import Sources, build_map
 
     sources = Sources(
@@ -51,15 +49,19 @@ def build_map(
 def show_map(
     file: Annotated[Path, typer.Argument(metavar="MAP", help="Map (.yaml); its graph is beside it.")],
     figure: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FIGURE", help="Draw it (.png, .svg, .pdf).")
+        Path | None, typer.Option("--output", "-o", metavar="FIGURE", help="Draw it to this file (.png, .svg, .pdf).")
     ] = None,
     begin: Annotated[
-        str | None, typer.Option("--from", metavar="PLACE|X,Y,DEG", help="Plan a route from here,")
+        str | None, typer.Option("--from", metavar="PLACE|X,Y,DEG", help="Plan a route from this place or pose.")
     ] = None,
-    end: Annotated[str | None, typer.Option("--to", metavar="PLACE|X,Y,DEG", help="to there,")] = None,
-    robot: Annotated[Path | None, typer.Option(metavar="ROBOT", help="for this robot (its file, YAML).")] = None,
+    end: Annotated[
+        str | None, typer.Option("--to", metavar="PLACE|X,Y,DEG", help="Plan a route to this place or pose.")
+    ] = None,
+    robot: Annotated[
+        Path | None, typer.Option(metavar="ROBOT", help="Plan the route for this robot file (YAML).")
+    ] = None,
 ) -> None:
-    """Say what is true of a map, its loops, zones and places, and draw it, with a route."""
+    """Print the facts of a map, its loops, zones and places, and draw it, with a planned route."""
     from artemis.commands.map_show import show_map
 
     if None in (begin, end, robot) and (begin, end, robot) != (None, None, None):
@@ -72,13 +74,13 @@ def edit_map(
     file: Annotated[Path, typer.Argument(metavar="MAP", help="Map (.yaml); graph, zones and places are beside it.")],
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="MAP", help="The map to write (.yaml); for zones and places: in place."),
+        typer.Option("--output", "-o", metavar="MAP", help="Write this map (.yaml); zones and places: in place."),
     ] = None,
     undo_loop: Annotated[
-        list[int] | None, typer.Option(metavar="N", help="Take this loop back (see `show`); repeat for more.")
+        list[int] | None, typer.Option(metavar="N", help="Undo this loop (see `show`); repeat for more.")
     ] = None,
-    rotate: Annotated[float, typer.Option(metavar="DEG", help="Counter-clockwise, around x 0, y 0.")] = 0.0,
-    crop: Annotated[str | None, typer.Option(metavar="X,Y,X,Y", help="Keep what is between two corners.")] = None,
+    rotate: Annotated[float, typer.Option(metavar="DEG", help="Rotate it counter-clockwise, around x 0, y 0.")] = 0.0,
+    crop: Annotated[str | None, typer.Option(metavar="X,Y,X,Y", help="Keep the rectangle between two corners.")] = None,
     no_go: Annotated[
         list[str] | None, typer.Option(metavar="X,Y,X,Y,...", help="Close a part of the image; repeat for more.")
     ] = None,
@@ -90,12 +92,12 @@ def edit_map(
         list[str] | None, typer.Option(metavar="NAME=X,Y,DEG", help="Add a place for the rear axle; repeat for more.")
     ] = None,
     remove_zone: Annotated[
-        list[str] | None, typer.Option(metavar="NAME|N", help="By its name or its number (see `show`).")
+        list[str] | None, typer.Option(metavar="NAME|N", help="Remove a zone by its name or number (see `show`).")
     ] = None,
-    remove_place: Annotated[list[str] | None, typer.Option(metavar="NAME", help="By its name.")] = None,
+    remove_place: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Remove a place by its name.")] = None,
     force: Force = False,
 ) -> None:
-    """Correct a map: loops first, then rotated, cropped, and parts closed; change its zones and places."""
+    """Edit a map: undo loops, then rotate, crop and close parts of it; change its zones and places."""
     from artemis.commands.map_edit import Edits, edit_map
     from artemis.commands.map_zones import ZoneEdits
 

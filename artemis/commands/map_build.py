@@ -37,7 +37,7 @@ class Sources:
     scanner: str | None
     odometry: bool
     begun: Path | None = None
-    """A map to go on with."""
+    """A map to continue."""
 
 
 def build_map(sources: Sources, output: Path, resolution: float, *, force: bool) -> None:
@@ -73,7 +73,7 @@ def build_map(sources: Sources, output: Path, resolution: float, *, force: bool)
         raise ConfigError(f"{sources.runs[0]}: no scan has a point")
     mapper.finish()
     try:
-        content = occupancy(mapper.keys.points, mapper.keys.poses, resolution)
+        content = occupancy(mapper.keys, resolution)
     except ValueError as error:
         raise ConfigError(f"{output}: {error}") from None
     counts = mapper.counts
@@ -87,14 +87,14 @@ def build_map(sources: Sources, output: Path, resolution: float, *, force: bool)
 def _gone_on(
     file: Path, run: Path, readings: Iterator[Reading], settings: MapSettings
 ) -> tuple[Mapper, Iterator[Reading]]:
-    """A mapper that goes on with a map from where a run begins on it, and all readings of the run.
+    """A mapper that continues a map from where a run begins on it, and all readings of the run.
 
     Raises:
         ConfigError: the map has no graph, or the run is not found on it.
     """
     graph_file = file.with_suffix(SUFFIX)
     if not graph_file.exists():
-        raise ConfigError(f"{graph_file}: no such file; a map is gone on with from its graph")
+        raise ConfigError(f"{graph_file}: no such file; a map is continued from its graph")
     begun = read_graph(graph_file)
     known = ScanMap.of_scans(begun.keys.points, begun.keys.poses, settings)
     localizer, tracker, seen = ScanLocalizer(known, LocalizerSettings(matching=settings)), Tracker(settings), []
@@ -109,7 +109,9 @@ def _gone_on(
         if not found.lost:
             start = compose(found.pose, between(tracker.pose, np.zeros(3)))
             return Mapper(settings, begun=begun, start=start), chain(seen, readings)
-    raise ConfigError(f"{run}: is nowhere found on {file}, or in several places alike; begin it where the map is known")
+    raise ConfigError(
+        f"{run}: its first scans fit nowhere on {file}, or in several places; begin the run where the map is known"
+    )
 
 
 def _readings(run: Path, settings: MapSettings, sources: Sources) -> Iterator[Reading]:

@@ -78,7 +78,7 @@ def _edit_cells(file: Path, output: Path, edits: Edits) -> None:
         if graph is None:
             raise ConfigError(f"{beside}: no such file; loops are taken back in the graph of a map")
         _undo(graph, edits.loops, beside)
-        content = occupancy(graph.keys.points, graph.keys.poses, content.resolution)
+        content = occupancy(graph.keys, content.resolution)
     if edits.rotate:
         content = content.rotated(math.radians(edits.rotate))
         if graph is not None:

@@ -27,8 +27,8 @@ def readings_of(run: Path, settings: MapSettings, scanner: str | None) -> Iterat
         ConfigError: it has no scans, or those of several scanners.
     """
     recording = Recording(run)
-    name, mounting = scanner_of(recording.robot, run, scanner)
-    readings, found = ScanReadings(settings, name, mounting), False
+    name, _ = scanner_of(recording.robot, run, scanner)
+    readings, found = ScanReadings(settings, recording.robot, name), False
     for tick in recording.ticks():
         for reading in readings.see(tick):
             found = True

@@ -1,4 +1,4 @@
-"""`artemis map show`: what is true of a map, of its loops, and a figure of it all."""
+"""`artemis map show`: facts about a map and its loops, and a figure."""
 
 from __future__ import annotations
 

@@ -9,23 +9,30 @@ import typer
 
 from artemis.errors import ConfigError
 
-PagePort = Annotated[int | None, typer.Option("--page-port", metavar="N", min=1, max=65535, help="Its port (8480).")]
+PagePort = Annotated[
+    int | None, typer.Option("--page-port", metavar="N", min=1, max=65535, help="Set its port (8480).")
+]
 PageAddress = Annotated[
-    str | None, typer.Option("--page-address", metavar="A", help="Address of this computer to serve it at (127.0.0.1).")
+    str | None, typer.Option("--page-address", metavar="A", help="Serve it at this address (127.0.0.1).")
 ]
 PageTls = Annotated[
-    tuple[Path, Path] | None, typer.Option("--page-tls", metavar="CERT KEY", help="Files of TLS, for other computers.")
+    tuple[Path, Path] | None,
+    typer.Option("--page-tls", metavar="CERT KEY", help="Use TLS, for other computers: certificate and key."),
 ]
 
 
 def page(
-    what: Annotated[str, typer.Argument(metavar="FOLDER|pair|certificate", help="Missions; pair: one more browser.")],
-    names: Annotated[list[str] | None, typer.Argument(metavar="[NAME...]", help="certificate: also for these.")] = None,
+    what: Annotated[
+        str, typer.Argument(metavar="FOLDER|pair|certificate", help="Folder of missions; pair: pair another browser.")
+    ],
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="[NAME...]", help="certificate: include these names, too.")
+    ] = None,
     page_port: PagePort = None,
     page_address: PageAddress = None,
     page_tls: PageTls = None,
 ) -> None:
-    """Wait for an operator who chooses a mission of a folder at the page; pair browsers, or make certificates."""
+    """Serve a page on which an operator starts a mission of a folder; pair browsers, or make certificates."""
     from artemis.commands.page import certify, page_options, pair
 
     if what == "certificate":

@@ -37,7 +37,7 @@ def import_path(
     with_speed: bool = False,
     force: bool = False,
 ) -> None:
-    """Make a path file of a file of others.
+    """Convert a file of another program to a path file.
 
     Args:
         file: What to read.

@@ -12,7 +12,7 @@ plugins = typer.Typer(rich_markup_mode=None, invoke_without_command=True)
 
 @plugins.callback()
 def list_plugins(context: typer.Context) -> None:
-    """List installed plugins with their origin; for a broken one, why. `new` begins one of your own."""
+    """List installed plugins with their origin, and errors of broken ones; `new` writes one of your own."""
     if context.invoked_subcommand is None:
         from artemis.commands.plugins import show_plugins
 
@@ -22,12 +22,12 @@ def list_plugins(context: typer.Context) -> None:
 @plugins.command("new")
 def new_plugin(
     kind: Annotated[
-        str, typer.Argument(metavar="input|follower|localizer|scanner|observer|behaviour", help="What it is.")
+        str, typer.Argument(metavar="input|follower|localizer|scanner|observer|behaviour", help="Kind of plugin.")
     ],
-    name: Annotated[str, typer.Argument(metavar="NAME", help="What missions will call it.")],
-    folder: Annotated[Path, typer.Option(help="Where the package's folder is made.")] = Path(),
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the plugin in missions.")],
+    folder: Annotated[Path, typer.Option(help="Create the package in this folder.")] = Path(),
 ) -> None:
-    """Write a package artemis-NAME: a plugin that works, its tests, and a mission that drives with it."""
+    """Write a package artemis-NAME: a working plugin, its tests, and a mission that uses it."""
     from artemis.commands.plugins import begin_plugin
 
     begin_plugin(kind, name, folder)

@@ -29,6 +29,7 @@ from artemis.commands.terminal import (
 )
 from artemis.devices.multicast import INTERFACE, free_group, place_of
 from artemis.errors import ConfigError, RecordingError
+from artemis.mission.extras import slower_without_numba
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.schema import BusWords
 from artemis.notify import ServiceManager
@@ -158,7 +159,7 @@ def run_in_sight(
 def _forewarn(loaded: LoadedMission, warning: str | None) -> None:
     if warning:
         _print("warning", warning)
-    for remark in loaded.remarks:
+    for remark in (*loaded.remarks, *slower_without_numba(loaded)):
         _print("remark", remark)
 
 

@@ -19,6 +19,9 @@ VALID = 30.0
 HEARD = 0.1
 """A drive whose newest status is older than this is not asked [s]: nothing may be before what stops it."""
 
+_ABSENT = (0x0602_0000, 0x0609_0011)
+"""Codes of aborts: no such object, no such subindex (CiA 301, 7.2.4.3.17)."""
+
 
 def temperature_readers(nodes: Sequence[EposDrive], wire: BusGateway) -> list[Work]:
     """What reads the temperatures, where a drive measures its own."""
@@ -30,7 +33,7 @@ async def _read(asked: list[EposDrive], wire: BusGateway) -> None:
     """Ask one drive after the other, while the drives are exchanged with.
 
     A drive that does not answer has no temperature: what its silence means is judged by its other messages. One that
-    refuses does not measure it, and is not asked again.
+    has no such object does not measure it, and is not asked again.
     """
     loop = asyncio.get_running_loop()
     while asked:
@@ -43,9 +46,8 @@ async def _read(asked: list[EposDrive], wire: BusGateway) -> None:
             try:
                 data = await node.sdo.read(object.index, object.subindex, object.type.size)
                 value = int(object.type.decode(data))
-            except SdoAbort:
-                asked.remove(node)
-            except DeviceError:
-                continue
+            except DeviceError as error:
+                if isinstance(error, SdoAbort) and error.code in _ABSENT:
+                    asked.remove(node)
             else:
                 node.temperature = value / node.family.temperature_scale, loop.time() + VALID

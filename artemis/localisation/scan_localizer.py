@@ -17,7 +17,9 @@ from artemis.mapping.settings import MapSettings
 _NEAR, _NEAR_TURN = 0.25, 0.08
 """Window around what the rough search found [m, rad]."""
 _REFINING = 0.05
-"""By so much a score may rise when a searched pose is refined."""
+"""By so much a score may rise when the result of a search is refined,"""
+_REFINED = 0.08
+"""and at most by this share of it: the best pose may lie half a cell and half a turn step beside a searched one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,7 +28,7 @@ class LocalizerSettings:
 
     matching: MapSettings = field(default_factory=MapSettings)
     local: int = 8
-    """Key scans that tell how the robot moved."""
+    """Key scans that the robot's motion is measured against."""
     noise: float = 0.01
     noise_share: float = 0.03
     noise_turn: float = 0.01
@@ -59,13 +61,21 @@ class LocalizerSettings:
     gather_scans: int = 12
     """Scans after which it is looked for, though it stands."""
     found: float = 0.58
+    """What is found on the whole map has to fit so well."""
     sure: float = 0.65
     agree: float = 0.3
     agree_turn: float = 0.1
     agree_after: float = 1.0
-    """What fits less well than the second is found once another search, so far away, finds the same."""
-    unique: float = 0.035
-    """What is found on the whole map has to fit so well, and better than any other place by so much."""
+    """What fits less well than `sure` is found once another search, so far away, finds the same."""
+    odds: float = 1000.0
+    evidence: float = 40.0
+    misfit: float = 0.1
+    """A place found on the whole map has to be `odds` times as likely as any other place: a likelihood-ratio test. With
+    normal errors of unknown variance, estimated from the residuals, the ratio of the maximum likelihoods is (s2 / s1)
+    to the power n / 2, s1 and s2 the mean square residuals (G. Seber, A. Lee, Linear Regression Analysis, 2003, ch. 4).
+    Here 1 - score stands for the residual and `evidence` for n / 2. It is fewer than the points: the errors of
+    neighbouring beams, and of scans of one place, are correlated. `misfit` is the least 1 - score that counts, as the
+    map itself is not more accurate."""
     apart: float = 1.0
     points: int = 120
     """Of what was gathered, for the search."""
@@ -82,7 +92,7 @@ class ScanPose:
     doubt: float
     """0: the scan was matched; 1 and above: lost. Between: part of what may be driven without a match."""
     measured: Array | None = None
-    """Covariance of what the beams of this scan alone tell, as if the map were right, shape (3, 3); None: unmatched."""
+    """Covariance of the pose by this scan alone, as if the map were exact, shape (3, 3); None: unmatched."""
 
     @property
     def lost(self) -> bool:
@@ -107,7 +117,7 @@ class ScanLocalizer:
 
     Where nothing of the map is seen, those carry the pose on. A robot that is lost, or was never found, is looked for
     on the whole map once it has driven a little, and found only where nothing else fits nearly as well. That takes
-    long, and nothing else waits for it: `wanted` tells what to look for, `look` does it, in another thread if need be,
+    long, and nothing else waits for it: `wanted` says what to look for, `look` does it, in another thread if need be,
     and `take` carries what it found on to where the robot is by then.
     """
 
@@ -153,7 +163,7 @@ class ScanLocalizer:
 
         Args:
             points: as of `surface_points`, seen from the robot, shape (n, 4).
-            odometry: pose by the wheels, in any frame, shape (3,); None: nobody counted.
+            odometry: pose by the wheels, in any frame, shape (3,); None: there is no odometry.
         """
         step = self._follow(points, odometry)
         predicted = compose(self._pose, step)
@@ -234,10 +244,17 @@ class ScanLocalizer:
         refined = self._map.grid.refine(seen, near.pose)
         if near.score < 0 or refined.score < settings.found:
             return None
-        beside = np.append((near.pose - self._map.middle)[:2], settings.apart)
-        floor = near.score - settings.unique  # only the fine grid tells places apart that look alike
-        other = self._map.grid.search(thin, self._map.middle, reach, np.pi, floor=floor, left_out=beside)
-        return None if other.score > 0 else refined
+        return refined if self._alone(thin, near.pose) else None
+
+    def _alone(self, thin: Array, pose: Array) -> bool:
+        """Whether every other place on the map is less likely than a pose by the factor `odds`, for points (n, 4)."""
+        settings, grid = self.settings, self._map.grid  # only the fine grid distinguishes places that look alike
+        score = grid.refine(thin, pose).score
+        margin = max(settings.misfit, 1 - score) * (settings.odds ** (1 / settings.evidence) - 1)
+        beside = np.append((pose - self._map.middle)[:2], settings.apart)
+        floor = (score - margin) * (1 - _REFINED)
+        other = grid.search(thin, self._map.middle, self._map.reach, np.pi, floor=floor, left_out=beside)
+        return other.score < 0 or max(other.score, grid.refine(thin, other.pose).score) < score - margin
 
     def _follow(self, points: Array, odometry: Array | None) -> Array:
         """How the robot moved since the last scan, by the scans before and the odometry, shape (3,)."""
@@ -276,7 +293,7 @@ class ScanLocalizer:
         return np.concatenate(parts)
 
     def _forget(self) -> None:
-        """What was seen of late may be of another place."""
+        """Drop the last scans: they may be of another place."""
         self._gathered, self._scans, self._astray = 0.0, 0, 0
         self._forgotten += 1
         self._keys.clear()
@@ -289,7 +306,7 @@ class ScanLocalizer:
         return found
 
     def _matched_as_given(self, points: Array) -> Match | None:
-        """The scan on the map where somebody says that the robot is; None: nobody does, or it does not fit there."""
+        """The scan on the map around a pose that was given; None: none was given, or it does not fit there."""
         if self._given is None:
             return None
         given, self._given = self._given, None
@@ -342,5 +359,5 @@ class ScanLocalizer:
             return
         self._pose, self._broken = found.pose, False
         self._doubt = max(0.0, self._doubt - 0.25)
-        told = match_information(found.information, 0.0, settings.matching.beam)
-        self._measured = np.asarray(np.linalg.inv(told))
+        information = match_information(found.information, 0.0, settings.matching.beam)
+        self._measured = np.asarray(np.linalg.inv(information))

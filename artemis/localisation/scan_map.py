@@ -23,14 +23,14 @@ _DIRECTIONS = 4
 """Points of one cell are one surface if their normals lie in one of so many sectors."""
 
 _LEVER = 5.0
-"""Distance between the walls that tell a heading: half a room [m]."""
+"""Distance between the walls that constrain a heading: half a room [m]."""
 
 
 def common_covariance(resolution: float) -> tuple[float, float]:
     """What all matches of one place on a map have in common, as the map does not change: variances [m²], [rad²].
 
     A wall that is drawn in cells of side r [m] lies anywhere in them: r² / 12, the variance of a uniform distribution.
-    Two walls or more tell each direction: r² / 24. The heading is told by walls some metres apart. This part of the
+    Two walls or more constrain each direction: r² / 24. Walls some metres apart constrain the heading. This part of the
     error is the same in two matches within a metre or so; that of the beams is not.
     """
     of_wall = resolution**2 / 12
@@ -38,7 +38,7 @@ def common_covariance(resolution: float) -> tuple[float, float]:
 
 
 class ScanMap:
-    """A likelihood grid of a whole map.
+    """A likelihood grid of a whole map, finished: one thread may follow a robot on it while another one searches.
 
     Attributes:
         grid: to match scans on.
@@ -64,6 +64,8 @@ class ScanMap:
         wide = replace(settings, cell=_ROUGH * settings.cell, width=_ROUGH * settings.width)
         self.rough = LikelihoodGrid(wide, 1 << int(np.ceil(np.log2(wanted / _ROUGH))))
         self.rough.add(points, np.zeros(3))
+        for grid in (self.grid, self.rough):
+            grid.finish()
 
     @classmethod
     def of_scans(cls, scans: Sequence[Array], poses: Array, settings: MapSettings) -> ScanMap:

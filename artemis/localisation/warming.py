@@ -20,7 +20,7 @@ def warm_up() -> None:
         pose = np.array([0.3 * (number % 4), 0.0, 0.4 * (number % 3)])
         mapper.add(Reading(time=float(number), odometry=pose, points=points))
     mapper.finish()
-    occupancy(mapper.keys.points, mapper.keys.poses, 0.2)
+    occupancy(mapper.keys, 0.2)
     settings = LocalizerSettings(matching=mapper.settings, gather_scans=1, found=0.0)
     localizer = ScanLocalizer(ScanMap.of_scans([points], np.zeros((1, 3)), mapper.settings), settings)
     localizer.update(points, None)

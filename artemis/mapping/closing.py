@@ -37,9 +37,9 @@ class LoopCloser:
         number, before = len(self.keys), key.before
         self.loops.drift.add(before, key.untold)
         if before < 0:
-            self.keys.append(key.points, key.motion)
+            self.keys.append(key.points, key.motion, key.place)
             return
-        self.keys.append(key.points, compose(self.keys.poses[before], key.motion))
+        self.keys.append(key.points, compose(self.keys.poses[before], key.motion), key.place)
         self.graph.add(Link(before, number, key.motion, key.information, before < number - 1, key.untold))
         self.loops.drift.share = key.share
         found, much = self.loops.find()

@@ -1,7 +1,7 @@
 """How far a place may be from where it is believed to be, seen from the newest key scan.
 
 Along the shortest way through the graph three errors add up: a little with each metre; that of the heading, which
-moves all that was driven after it to the side; and that of the odometry where no scan tells how far the robot drove,
+moves all that was driven after it to the side; and that of the odometry where no scan shows how far the robot drove,
 which is the same all along and so grows with the distance.
 """
 
@@ -34,17 +34,17 @@ class Drift:
     """What is known of the way to each key scan.
 
     Attributes:
-        share: by which the odometry is wrong, where nothing else tells how far the robot drove.
+        share: by which the odometry is wrong, where nothing else measures how far the robot drove.
     """
 
     def __init__(self, settings: MapSettings, keys: KeyScans, graph: PoseGraph) -> None:
-        """Take a map that grows; of the way to the key scans that it has already the scans told all."""
+        """Take a map that grows. The way to the key scans that it has already counts as measured by scans."""
         self._settings, self._keys, self._graph = settings, keys, graph
         self._before, self._untold = array("q", [-1] * len(keys)), array("d", [0.0] * 2 * len(keys))
         self.share = 0.0
 
     def add(self, before: int, untold: Array) -> None:
-        """Add a key scan: that it was reached from, and what only the odometry tells: x, y [m] seen from there."""
+        """Add a key scan: from which it was reached, and what only the odometry measured: x, y [m] seen from there."""
         self._before.append(before)
         self._untold.extend(untold.tolist())
 
@@ -74,7 +74,7 @@ class Drift:
         return Drifts(covariance, np.sqrt(half + apart), settings.drift_turn * np.sqrt(way))
 
     def _untold_edges(self, towards: NDArray[np.int64]) -> Array:
-        """Of the step from each key scan: u uᵀ / |u| of what only the odometry tells [m]: xx, xy, yy; shape (n, 3)."""
+        """Of the step from each key scan: u uᵀ / |u| of what only the odometry measured [m], as xx, xy, yy; (n, 3)."""
         poses, before = self._keys.poses, np.array(self._before)
         number = np.arange(len(poses))
         of = np.where(before[number] == towards, number, np.where(before[towards] == number, towards, -1))

@@ -1,4 +1,4 @@
-"""At the end of a map: every key scan is matched once more with its neighbours, then every scan between them."""
+"""At the end of a map: every key scan is matched once more with its neighbours, then scans between them."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def refined_steps(
         stations: with a way each from its key scan.
     """
     of, odometry = np.array(stations.keys), stations.odometry[stations.readings]
-    poses = compose(keys.poses[of], np.array(stations.motions))
+    poses = compose(keys.poses[of], stations.motions)
     steps = {link.first: link.motion for link in graph.links.values() if not link.loop}
     begins = np.searchsorted(of, np.arange(len(keys) + 1))
     for key, (begin, end) in enumerate(zip(begins[:-1].tolist(), begins[1:].tolist(), strict=True)):
@@ -76,8 +76,24 @@ def refined_steps(
             poses[begin + 1 : end] = compose(poses[begin + 1 : end], share[:, None] * gap)
         around = [key, *keys.neighbours(key, settings.neighbours, settings.neighbour_radius)]
         grid.build([keys.points[each] for each in around], keys.poses[around])
-        for number in range(begin + 1, end):
-            found = grid.refine(stations.points[number], poses[number])
-            if found.score > _STEP_SCORE and within(found.pose - poses[number], _STEP_FARTHEST, _STEP_TURN):
-                poses[number] = found.pose
+        poses[begin:end] = compose(poses[begin:end], _corrections(grid, stations, poses[begin:end], begin))
     return poses
+
+
+def _corrections(grid: LikelihoodGrid, stations: Stations, poses: Array, first: int) -> Array:
+    """By which motions to correct the poses of consecutive stations, of which the first is right, shape (n, 3).
+
+    Those whose points were kept are matched; between them corrections are interpolated.
+    """
+    matched, found = [0], [np.zeros(3)]
+    for number in range(1, len(poses)):
+        points = stations.points_of(first + number)
+        if points is None:
+            continue
+        match, motion = grid.refine(points, poses[number]), np.zeros(3)
+        if match.score > _STEP_SCORE and within(match.pose - poses[number], _STEP_FARTHEST, _STEP_TURN):
+            motion = between(poses[number], match.pose)
+        matched.append(number)
+        found.append(motion)
+    columns = [np.interp(np.arange(len(poses)), matched, column) for column in np.array(found).T]
+    return np.stack(columns, 1)

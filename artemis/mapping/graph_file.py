@@ -47,6 +47,8 @@ class SavedGraph(msgspec.Struct, frozen=True, kw_only=True):
     """Of the key scans: x, y [m], heading [rad], float64."""
     scans: tuple[bytes, ...]
     """Of the key scans: x, y [m] and normal of each point, float32."""
+    places: bytes = b""
+    """Of the scanner on the robot at each key scan: x, y [m], float64. Files of earlier versions have none."""
     links: tuple[SavedLink, ...]
     trajectory: bytes
     """Time [s], x, y, heading of every reading, float64."""
@@ -88,6 +90,7 @@ class MapGraph:
         saved = SavedGraph(
             artemis_map=VERSION,
             poses=self.keys.poses.astype("<f8").tobytes(),
+            places=self.keys.places.astype("<f8").tobytes(),
             scans=tuple(points.astype("<f4").tobytes() for points in self.keys.points),
             links=links,
             trajectory=self.trajectory.astype("<f8").tobytes(),
@@ -126,8 +129,9 @@ def read_graph(path: Path) -> MapGraph:
             raise ConfigError(f"{path}: version {saved.artemis_map}; this artemis reads {VERSION}")
         keys, graph = KeyScans(), PoseGraph()
         poses = np.frombuffer(saved.poses, "<f8").reshape(-1, 3)
-        for scan, pose in zip(saved.scans, poses, strict=True):
-            keys.append(np.frombuffer(scan, "<f4").reshape(-1, 4).astype(float), pose)
+        places = np.frombuffer(saved.places, "<f8") if saved.places else np.zeros(2 * len(poses))
+        for scan, pose, place in zip(saved.scans, poses, places.reshape(-1, 2), strict=True):
+            keys.append(np.frombuffer(scan, "<f4").reshape(-1, 4).astype(float), pose, place)
         for link in saved.links:
             if not 0 <= link.first < len(keys) or not 0 <= link.second < len(keys):
                 raise ValueError(f"link {link.number} leads to no scan")

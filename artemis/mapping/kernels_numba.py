@@ -262,14 +262,12 @@ def refine(
 
 @_compiled
 def count_rays(
-    ends: Numbers, passes: Numbers, scan: Array, pose: Array, per_metre: float, origin_x: float, origin_y: float
+    ends: Numbers, passes: Numbers, points: Array, begin: Array, per_metre: float, origin_x: float, origin_y: float
 ) -> None:
     """See `kernels_numpy`."""
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    bx, by = (pose[0] - origin_x) * per_metre, (pose[1] - origin_y) * per_metre
-    for i in range(len(scan)):
-        ex = (pose[0] + c * scan[i, 0] - s * scan[i, 1] - origin_x) * per_metre
-        ey = (pose[1] + s * scan[i, 0] + c * scan[i, 1] - origin_y) * per_metre
+    bx, by = (begin[0] - origin_x) * per_metre, (begin[1] - origin_y) * per_metre
+    for i in range(len(points)):
+        ex, ey = (points[i, 0] - origin_x) * per_metre, (points[i, 1] - origin_y) * per_metre
         n = max(1, int(np.ceil(max(abs(ex - bx), abs(ey - by)) - 1e-6)))
         for k in range(n):
             passes[int(by + (ey - by) * k / n), int(bx + (ex - bx) * k / n)] += 1

@@ -311,25 +311,23 @@ def refine(
 
 
 def count_rays(
-    ends: Numbers, passes: Numbers, scan: Array, pose: Array, per_metre: float, origin_x: float, origin_y: float
+    ends: Numbers, passes: Numbers, points: Array, begin: Array, per_metre: float, origin_x: float, origin_y: float
 ) -> None:
     """Count for every cell the beams that end in it, and those that pass through it. Both are changed.
 
     Args:
         ends: shape (rows, columns).
         passes: likewise.
-        scan: points, seen from the robot, shape (n, >= 2).
-        pose: of the robot, shape (3,).
+        points: where the beams end, in the frame of the map [m], shape (n, 2).
+        begin: where they begin: the scanner's place, likewise, shape (>= 2,).
         per_metre: cells per metre.
         origin_x: of the corner of cell 0, 0 [m].
         origin_y: likewise.
     """
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    ex = (pose[0] + c * scan[:, 0] - s * scan[:, 1] - origin_x) * per_metre
-    ey = (pose[1] + s * scan[:, 0] + c * scan[:, 1] - origin_y) * per_metre
-    bx, by = (pose[0] - origin_x) * per_metre, (pose[1] - origin_y) * per_metre
+    ex, ey = (points[:, 0] - origin_x) * per_metre, (points[:, 1] - origin_y) * per_metre
+    bx, by = (begin[0] - origin_x) * per_metre, (begin[1] - origin_y) * per_metre
     n = np.maximum(1, np.ceil(np.maximum(np.abs(ex - bx), np.abs(ey - by)) - 1e-6)).astype(np.int64)
-    ray = np.repeat(np.arange(len(scan)), n)
+    ray = np.repeat(np.arange(len(points)), n)
     k = np.arange(len(ray)) - np.repeat(np.cumsum(n) - n, n)
     row = (by + (ey - by)[ray] * k / n[ray]).astype(np.int64)
     column = (bx + (ex - bx)[ray] * k / n[ray]).astype(np.int64)

@@ -13,7 +13,7 @@ class KeyScans:
     def __init__(self) -> None:
         self.points: list[Array] = []
         """Of each key scan, seen from the robot, shape (n, 4)."""
-        self._poses = np.zeros((64, 3))
+        self._poses, self._places = np.zeros((64, 3)), np.zeros((64, 2))
 
     def __len__(self) -> int:
         return len(self.points)
@@ -27,11 +27,17 @@ class KeyScans:
     def poses(self, poses: Array) -> None:
         self._poses[: len(self.points)] = poses
 
-    def append(self, points: Array, pose: Array) -> None:
-        """Add the newest."""
+    @property
+    def places(self) -> Array:
+        """Of each, where the scanner was on the robot: x, y [m], a view, shape (n, 2)."""
+        return self._places[: len(self.points)]
+
+    def append(self, points: Array, pose: Array, place: Array) -> None:
+        """Add the newest; `place` of the scanner on the robot: x, y [m], shape (2,)."""
         if len(self.points) == len(self._poses):
             self._poses = np.concatenate([self._poses, np.zeros_like(self._poses)])
-        self._poses[len(self.points)] = pose
+            self._places = np.concatenate([self._places, np.zeros_like(self._places)])
+        self._poses[len(self.points)], self._places[len(self.points)] = pose, place
         self.points.append(points)
 
     def neighbours(self, key: int, most: int, radius: float) -> list[int]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,9 +19,11 @@ class Reading:
     time: float
     """[s], by any clock."""
     odometry: Array | None = None
-    """Pose of the robot by its wheels, in any frame, shape (3,); None: nobody counted."""
+    """Pose of the robot by its wheels, in any frame, shape (3,); None: there is no odometry."""
     points: Array | None = None
     """Of the scan, as `surface_points` gives them, shape (n, 4); None: there was none."""
+    place: Array = field(default_factory=lambda: np.zeros(2))
+    """Of the scanner on the robot: x ahead, y left [m], shape (2,)."""
 
 
 AT_CENTRE = (0.0, 0.0, 0.0)

@@ -33,7 +33,11 @@ _NOWHERE_LEFT_OUT = np.zeros(3)
 
 
 class LikelihoodGrid:
-    """Wraps around, so it needs no origin. Made once, and filled again and again."""
+    """Wraps around, so it needs no origin. Made once, and filled again and again.
+
+    The upper levels are filled when they are first needed, by `search` or by `finish`. After `finish`, until something
+    is added, neither `search` nor `refine` changes anything: threads may share the grid.
+    """
 
     def __init__(self, settings: MapSettings, cells: int | None = None) -> None:
         """Make an empty one; `cells` per side, if not as the settings say."""
@@ -77,6 +81,16 @@ class LikelihoodGrid:
         self._raised = False
         kernels.LOOPS.stamp(self._field, self._owner, self._points, first, self._count, self._blot, self._per_metre)
 
+    def finish(self) -> None:
+        """Fill the upper levels, if they are not up to date."""
+        if self._raised:
+            return
+        radius = self._blot.shape[2] // 2
+        kernels.LOOPS.raise_levels(
+            self._field, self._fine, self._coarse, self._points, self._count, radius, self._per_metre
+        )
+        self._raised = True
+
     def search(
         self,
         scan: Array,
@@ -99,12 +113,7 @@ class LikelihoodGrid:
             floor: a score that it has to exceed.
             left_out: x, y seen from the middle, and radius [m]: of a circle in which no pose counts, shape (3,).
         """
-        if not self._raised:
-            radius = self._blot.shape[2] // 2
-            kernels.LOOPS.raise_levels(
-                self._field, self._fine, self._coarse, self._points, self._count, radius, self._per_metre
-            )
-            self._raised = True
+        self.finish()
         step = turn_step(scan, self._settings.cell)
         turns, half = int(np.ceil(turn / step)), int(np.ceil(distance * self._per_metre))
         score, x, y, heading = kernels.LOOPS.search(

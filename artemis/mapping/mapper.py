@@ -27,7 +27,7 @@ def at_once(work: Callable[[NewKey], None], key: NewKey) -> None:
 
 
 class Mapper:
-    """The same readings give the same map. Memory grows with the distance, and by a few numbers per reading.
+    """The same readings give the same map. Memory grows with the distance, and by ten numbers for each reading.
 
     Attributes:
         keys: the scans that make up the map, with the poses that are believed at present.
@@ -46,7 +46,7 @@ class Mapper:
 
         Args:
             settings: how.
-            begun: a map to go on with; its poses may move.
+            begun: a map to continue; its poses may move.
             start: about where the robot is on it, shape (3,); None: where the last run ended.
             later: has the loops of each key scan looked for, in their order; it may be another thread. All of it has to
                 be done before anything but `add` and `begin_run` is called. The map is the same.
@@ -62,7 +62,7 @@ class Mapper:
             away = effort(between(self.keys.poses, pose))
             near = np.argsort(away, kind="stable")[: self.settings.local][::-1].tolist()
             around = [(self.keys.points[key], self.keys.poses[key].copy()) for key in near]
-            self._tracker.go_on(around, near[-1], len(self.keys) - 1, pose)
+            self._tracker.resume(around, near[-1], len(self.keys) - 1, pose)
 
     @property
     def counts(self) -> MapCounts:
@@ -128,7 +128,7 @@ class Mapper:
     def trajectory(self) -> tuple[Array, Array]:
         """Times [s] and poses of all readings in their order, shapes (n,) and (n, 3). After `finish`.
 
-        Those of a map that was gone on with come first.
+        Those of a map that was continued come first.
         """
         stations = self._tracker.stations
         poses = refined_steps(self.settings, self.keys, self.graph, self._closer.grid, stations)

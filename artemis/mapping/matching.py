@@ -9,7 +9,7 @@ from artemis.mapping.se2 import Array, within
 from artemis.mapping.settings import MapSettings
 
 _LITTLE = np.diag([1e-3, 1e-3, 0.5])
-"""Information of the odometry in the other directions: where the beams tell nothing at all, the pose stays."""
+"""Information of the odometry in the other directions: where no beam constrains the pose, it stays."""
 _FAR_OFF = 4
 """A match further from the odometry than so many windows is none."""
 _WIDE = 3
@@ -53,13 +53,13 @@ def match(grid: LikelihoodGrid, settings: MapSettings, scan: Array, predicted: A
 
 
 def untold(information: Array, least: float) -> tuple[float, Array] | None:
-    """Where a match tells little: how many beams speak for that direction, and the direction.
+    """The direction that a match constrains too little: how many beams constrain it, and the direction.
 
     The direction: x, y of a unit vector in the frame of the grid, shape (2,).
 
     Args:
         information: of the match, shape (3, 3).
-        least: beams that have to speak for every direction; None is returned where they do.
+        least: beams that have to constrain every direction; None is returned where they do.
     """
     of_place = information[:2, :2] - np.outer(information[:2, 2], information[2, :2]) / (information[2, 2] + 1e-9)
     told, directions = np.linalg.eigh(of_place)
@@ -82,7 +82,7 @@ def odometry_trust(settings: MapSettings, step: Array) -> float:
 def _with_odometry(
     grid: LikelihoodGrid, settings: MapSettings, scan: Array, found: Match, predicted: Array, step: Array
 ) -> Match:
-    """Where little tells how far along a corridor the robot is, the odometry says it, and only there."""
+    """Where the scan hardly constrains the position along a corridor, that alone is taken from the odometry."""
     weak = untold(found.information, settings.weak * len(scan))
     if weak is None:
         return found

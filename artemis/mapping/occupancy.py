@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from artemis.mapping.key_scans import KeyScans
 from artemis.mapping.se2 import Array, compose
 from artemis.values import Pose
 
@@ -97,19 +98,18 @@ class OccupancyMap:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ShownMap:
-    """The map of a run, for those who watch it."""
+    """The map of a run as viewers show it."""
 
     content: OccupancyMap
     odometry: Pose | None = None
-    """Where the odometry's frame lies on it; None: a localizer tells where the robot is."""
+    """Where the odometry's frame lies on it; None: a localizer gives the robot's pose on it."""
 
 
-def occupancy(scans: Sequence[Array], poses: Array, resolution: float = 0.05) -> OccupancyMap:
-    """The map that scans make, each with its points seen from its pose.
+def occupancy(keys: KeyScans, resolution: float = 0.05) -> OccupancyMap:
+    """The map that scans make: what lies between the scanner and the points is free.
 
     Args:
-        scans: shape (m, >= 2) each.
-        poses: shape (n, 3).
+        keys: the scans, their poses, and where the scanner was on the robot.
         resolution: side of a cell [m].
 
     Raises:
@@ -117,19 +117,21 @@ def occupancy(scans: Sequence[Array], poses: Array, resolution: float = 0.05) ->
     """
     from artemis.mapping import kernels  # loads numba: who only reads maps does without
 
+    scanners = compose(keys.poses, np.c_[keys.places, np.zeros(len(keys))])
     ends = [
-        compose(pose, np.c_[scan[:, :2], np.zeros(len(scan))])[:, :2] for scan, pose in zip(scans, poses, strict=True)
+        np.ascontiguousarray(compose(pose, np.c_[scan[:, :2], np.zeros(len(scan))])[:, :2])
+        for scan, pose in zip(keys.points, keys.poses, strict=True)
     ]
     if not any(len(each) for each in ends):
         raise ValueError("no scan has a point")
-    every = np.concatenate([*ends, poses[:, :2]])
+    every = np.concatenate([*ends, keys.poses[:, :2], scanners[:, :2]])
     low, high = np.floor(every.min(0) - MARGIN), np.ceil(every.max(0) + MARGIN)
     columns, rows = ((high - low) / resolution).astype(int) + 1
     if rows * columns > MOST_CELLS:
         raise ValueError(f"{rows} x {columns} cells of {resolution:g} m; choose larger ones")
     hits, passes = np.zeros((rows, columns), np.int32), np.zeros((rows, columns), np.int32)
-    for scan, pose in zip(scans, poses, strict=True):
-        kernels.LOOPS.count_rays(hits, passes, scan, pose, 1 / resolution, low[0], low[1])
+    for seen, scanner in zip(ends, scanners, strict=True):
+        kernels.LOOPS.count_rays(hits, passes, seen, scanner, 1 / resolution, low[0], low[1])
     met = hits + passes
     share = hits / np.maximum(1, met)
     cells = np.full(share.shape, UNKNOWN, np.int8)

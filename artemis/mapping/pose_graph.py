@@ -3,8 +3,8 @@
 Levenberg-Marquardt on sparse normal equations: G. Grisetti et al., A tutorial on graph-based SLAM, IEEE Intelligent
 Transportation Systems Magazine 2(4), 2010. Cauchy's loss: a motion off by d standard deviations weighs 1/(1 + d²/s²).
 
-Where only the odometry tells how far the robot drove, its error is not drawn anew for each link: wheels that count too
-much do so all along. The share by which they are wrong is therefore an unknown of the graph, which changes slowly.
+Where only the odometry measures how far the robot drove, its errors are not independent from link to link: a wrong
+wheel size acts all along. The share by which the odometry is wrong is an unknown of the graph, which changes slowly.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ LOOP_LENGTH = 0.5
 _LEAST_CHANGE = 1e-4
 """Of the cost, as a share: less is no progress."""
 _UNTOLD = np.diag([1.0, 1.0, 10.0])
-"""Information that is added to a match: what no beam tells of stays finite."""
+"""Information that is added to a match: the covariance of what no beam constrains stays finite."""
 _FLOOR = np.diag([1e-4, 1e-4, 9e-6])
-"""Covariance that is added to a match [m², m², rad²]: 1 cm and 0.17 degrees that no beam tells of."""
+"""Covariance that is added to a match [m², m², rad²]: errors of 1 cm and 0.17 degrees that all beams have in common."""
 _STRETCH = 40
 """Key scans over which the odometry is wrong by one share."""
 _SHARE, _SHARE_CHANGE = 0.05, 0.01
@@ -50,7 +50,7 @@ class Link:
     loop: bool
     """Between two visits of a place; else from one key scan to the next."""
     untold: Array = field(default_factory=lambda: _ALL_TOLD)
-    """Part of the motion that no scan tells of, only the odometry: x, y [m] seen from the first pose, shape (2,)."""
+    """Part of the motion that only the odometry measured: x, y [m] seen from the first pose, shape (2,)."""
 
 
 def match_information(information: Array, heading: float, beam: float) -> Array:
@@ -176,7 +176,7 @@ class _System:
         """Information of the shares that is known beforehand."""
 
     def shares(self, poses: Array) -> Array:
-        """Of each stretch: by which share the odometry is wrong, as far as these poses tell."""
+        """Of each stretch: by which share the odometry is wrong, estimated from these poses."""
         count = self.slow.shape[0]
         off, _ = self.errors(poses, np.zeros(count))
         told = np.einsum("ma,mab->mb", self.untold, self.information)

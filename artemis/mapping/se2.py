@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 Array: TypeAlias = NDArray[np.float64]
 
 TURN_WEIGHT = 0.5
-"""A turn by 1 rad counts as so many metres where one number tells how much was driven."""
+"""A turn by 1 rad counts as so many metres where motion is expressed as one number."""
 
 
 def wrapped(angle: ArrayLike) -> Array:

@@ -47,16 +47,19 @@ class MapSettings:
     least_score: float = 0.35
     """Below it the odometry stands."""
     weak: float = 0.05
-    """Share of the beams that has to speak for every direction; else the odometry is asked about the weakest."""
+    """Share of the beams that has to constrain every direction; else the weakest is taken from the odometry."""
     seeming: float = 0.02
-    """Share of the beams that seems to speak for a direction though nothing is there: noise of the normals."""
+    """Share of the beams that seems to constrain a direction though nothing is there: noise of the normals."""
     odometry_noise: float = 0.01
     odometry_share: float = 0.1
     odometry_beam: float = 0.1
     """Standard deviation of a beam where it is weighed against odometry: the errors of beams are not independent."""
+    kept_distance: float = 0.04
+    kept_turn: float = 0.04
+    """Scans between two key scans that are kept, to be matched once more at the end, are so far apart."""
     still: float = 0.002
     still_turn: float = 0.001
-    """Odometry that moved less since the last scan that was kept: this one tells nothing new."""
+    """Odometry that moved less since the last scan that was kept: this one adds nothing."""
 
     # loops
     gap: int = 15
@@ -70,7 +73,7 @@ class MapSettings:
     """Likewise where all places around are searched, and one has to be better than all others."""
     loop_score: float = 0.60
     loop_least: float = 2.0
-    """Beams that speak for the weakest direction."""
+    """Beams that have to constrain the weakest direction."""
     unique: float = 0.5
     unique_margin: float = 0.1
     """A loop has to score so much better than every other pose in its window that is further away than `unique`."""

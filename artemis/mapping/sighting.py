@@ -31,7 +31,7 @@ class Sighting:
     middle: Pose
     end: Pose
     counted: bool
-    """Nobody lost count of the wheels until then."""
+    """The wheels were counted without a gap until then."""
 
 
 def points_of(seen: Sighting, mounting: Mounting, settings: MapSettings) -> Array:

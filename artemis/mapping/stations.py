@@ -6,52 +6,64 @@ import itertools
 from array import array
 
 import numpy as np
+from numpy.typing import NDArray
 
 from artemis.mapping.laser import Reading
 from artemis.mapping.se2 import Array, between, compose, shares
 
+MOST_POINTS = 200
+"""Of a scan that is kept to be matched once more: as many as the beams of a scanner with 1 degree between them."""
+
 
 class Stations:
-    """Readings in their order. Those with a matched scan are stations; between them the odometry tells the way."""
+    """Readings in their order. Those with a matched scan are stations; between them the poses follow the odometry.
+
+    Of a scan at most `MOST_POINTS` are kept, and only if the caller wants it: so memory depends neither on the number
+    of beams nor, for each metre, on that of the scans. Beside it there are a few numbers of each reading.
+    """
 
     def __init__(self) -> None:
-        self.points: list[Array] = []
-        """Of each station's scan, seen from the robot, shape (n, 4)."""
-        self.keys: list[int] = []
+        self.keys = array("q")
         """Of each station: the key scan from which it is seen."""
-        self.motions: list[Array] = []
-        """From there to it, shape (3,)."""
-        self.readings: list[int] = []
+        self.readings = array("q")
         """Of each station: the number of its reading."""
+        self._points: dict[int, NDArray[np.float32]] = {}
+        self._motions = array("d")
         self._times = array("d")
         self._odometry = array("d")
         """x, y, heading of each reading; nan: there was none."""
 
-    def stop(self, reading: Reading, key: int, motion: Array) -> None:
-        """Add a reading with a scan: `motion`, shape (3,), leads to it from a key scan."""
-        if reading.points is None:
-            raise ValueError("a station needs a scan")
-        self.points.append(reading.points)
+    def stop(self, reading: Reading, key: int, motion: Array, *, keep: bool = False) -> None:
+        """Add a reading with a matched scan: `motion`, shape (3,), leads to it from a key scan.
+
+        If `keep`, points of it are kept.
+        """
+        if keep and reading.points is not None:
+            thin = reading.points[:: 1 + (len(reading.points) - 1) // MOST_POINTS]
+            self._points[len(self.keys)] = thin.astype(np.float32)
         self.keys.append(key)
-        self.motions.append(motion)
+        self._motions.extend(motion.tolist())
         self.readings.append(len(self._times))
         self.pass_by(reading.time, reading.odometry)
 
     def pass_by(self, time: float, odometry: Array | None) -> None:
-        """Add a reading without a scan, or with one that tells nothing new."""
+        """Add a reading without a scan, or with one that adds nothing."""
         self._times.append(time)
         self._odometry.extend((np.nan,) * 3 if odometry is None else odometry)
 
-    def step_to(self, odometry: Array | None) -> Array | None:
-        """By the odometry, from the last station to here, shape (3,); None: nobody counted."""
-        last = self.odometry[self.readings[-1]]
-        if odometry is None or np.isnan(last[0]):
-            return None
-        return between(last, odometry)
+    def points_of(self, station: int) -> Array | None:
+        """Of the scan of a station, by its number: seen from the robot, shape (n, 4); None: they were not kept."""
+        kept = self._points.get(station)
+        return None if kept is None else kept.astype(float)
 
     def pose_of(self, station: int, key_poses: Array) -> Array:
         """Pose of a station, shape (3,), by its number, from the poses of all key scans, shape (n, 3)."""
-        return compose(key_poses[self.keys[station]], self.motions[station])
+        return compose(key_poses[self.keys[station]], np.array(self._motions[3 * station : 3 * station + 3]))
+
+    @property
+    def motions(self) -> Array:
+        """Of each station, from its key scan to it, shape (n, 3). A copy."""
+        return np.array(self._motions).reshape(-1, 3)
 
     @property
     def odometry(self) -> Array:
@@ -83,5 +95,5 @@ class Stations:
 
 
 def _counted(odometry: Array) -> Array:
-    """Where nobody counted, nothing moved."""
+    """Where there is no odometry, the robot counts as standing."""
     return np.nan_to_num(odometry, nan=0.0)

@@ -22,10 +22,10 @@ from artemis.mapping.stations import Stations
 
 _ORIGIN = np.zeros(3)
 _GUESS, _GUESSED = 0.05, 10.0
-"""Odometry is taken to be wrong by this share, until so many metres were driven where scans tell all."""
+"""Odometry is taken to be wrong by this share, until so many metres were driven that scans measured."""
 
 _BASE, _TOLD = 4.0, 0.2
-"""Distance over which the odometry is compared with the scans [m], and the share of it that may be untold."""
+"""Distance over which the odometry is compared with the scans [m], and the share of it that scans may leave open."""
 
 
 @dataclass(slots=True)
@@ -42,6 +42,8 @@ class NewKey(NamedTuple):
 
     points: Array
     """Seen from the robot, shape (n, 4)."""
+    place: Array
+    """Of the scanner on the robot, x, y [m], shape (2,)."""
     before: int
     """Number of the key scan that it was reached from; none before the first."""
     motion: Array
@@ -49,7 +51,7 @@ class NewKey(NamedTuple):
     information: Array
     """Of the motion, shape (3, 3)."""
     untold: Array
-    """Part of it that no scan tells of, only the odometry: x, y [m] seen from there, shape (2,)."""
+    """Part of it that only the odometry measured: x, y [m] seen from there, shape (2,)."""
     share: float
     """By which the odometry is wrong, as far as is known: standard deviation as a share of the distance."""
 
@@ -70,13 +72,17 @@ class Tracker:
         self._before = self._newest = -1
         self._pose = _ORIGIN
         self._moved_unseen, self._last_step = False, _ORIGIN
+        self._odometry: Array | None = None
+        """Of the last scan that was kept."""
+        self._since_key = _ORIGIN
+        """Motion from the last key scan to the last scan that was kept."""
         self._untold: Array = np.zeros(2)
         self._counted = _ORIGIN
         self._off, self._driven = _GUESS**2 * _GUESSED, _GUESSED
         self._odds = self._length = 0.0
 
-    def go_on(self, keys: list[tuple[Array, Array]], nearest: int, newest: int, pose: Array) -> None:
-        """Go on with a map.
+    def resume(self, keys: list[tuple[Array, Array]], nearest: int, newest: int, pose: Array) -> None:
+        """Continue a map.
 
         Args:
             keys: points and poses of its key scans around, the nearest at the end.
@@ -105,7 +111,9 @@ class Tracker:
         self.counts.scans += 1
         if self._newest < 0:
             return self._key(reading, reading.points, _ORIGIN, np.zeros((3, 3)), _ORIGIN)
-        step = None if self._moved_unseen else self.stations.step_to(reading.odometry)
+        step = None
+        if not (self._moved_unseen or self._odometry is None or reading.odometry is None):
+            step = between(self._odometry, reading.odometry)
         self._moved_unseen = False
         predicted = compose(self._pose, self._last_step if step is None else step)
         found = match(self._grid, self._settings, reading.points, predicted, step)
@@ -119,8 +127,10 @@ class Tracker:
         motion = between(self._recent[-1][1], found.pose)
         if self._is_key(motion, found.score):
             return self._key(reading, reading.points, motion, found.information, found.pose)
-        self._pose = found.pose
-        self.stations.stop(reading, self._before, motion)
+        self._pose, self._odometry = found.pose, reading.odometry
+        keep = not within(between(self._since_key, motion), self._settings.kept_distance, self._settings.kept_turn)
+        self._since_key = motion if keep else self._since_key
+        self.stations.stop(reading, self._before, motion, keep=keep)
         return None
 
     def _note(self, step: Array | None, found: Match, beams: int) -> None:
@@ -136,7 +146,7 @@ class Tracker:
             self._untold = self._untold + trust / (trust + told) * float(moved @ direction) * direction
 
     def _learn(self, motion: Array) -> None:
-        """Compare the odometry with the scans, where these tell all of the way from the last key scan to here."""
+        """Compare the odometry with the scans, where these measured all the way from the last key scan to here."""
         length = float(np.hypot(motion[0], motion[1]))
         if np.hypot(*self._untold) > _TOLD * length:
             return
@@ -152,7 +162,7 @@ class Tracker:
         return float(np.sqrt(self._off / self._driven))
 
     def _stands(self, step: Array, predicted: Array, found: Match) -> bool:
-        """Whether a scan tells nothing new."""
+        """Whether the robot stands, so that a scan adds nothing."""
         settings = self._settings
         if not within(step, settings.still, settings.still_turn):
             return False
@@ -174,9 +184,9 @@ class Tracker:
         seen, share = np.append(untold * self._share, 0.0), self._share
         told = np.asarray(np.linalg.inv(np.linalg.inv(told) + np.outer(seen, seen)), float)
         self._untold, self._counted = np.zeros(2), _ORIGIN
-        before, self._pose = self._before, pose
+        before, self._pose, self._odometry, self._since_key = self._before, pose, reading.odometry, _ORIGIN
         self._before = self._newest = self._newest + 1
         self.stations.stop(reading, self._newest, _ORIGIN)
         self._recent.append((points, pose))
         self._grid.build(*zip(*self._recent, strict=True))
-        return NewKey(points, before, motion, told, untold, share)
+        return NewKey(points, reading.place, before, motion, told, untold, share)

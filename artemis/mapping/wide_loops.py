@@ -1,4 +1,4 @@
-"""Looks for the robot among all old places around where nothing but the odometry tells how far it drove.
+"""Looks for the robot among all old places around where only the odometry measures how far it drove.
 
 Along a corridor the error grows with the distance, so the window does, too, and holds places that look alike. What is
 believed fits better than all else in the window, and lies where the odometry may have been wrong: not beside the
@@ -42,7 +42,7 @@ class WideLoops:
     def find(self, distance: float, turn: float, drifts: Drifts) -> Link | None:
         """One of the last key scans, linked to where it fits; None: nowhere, or in several places.
 
-        The place is looked for by all of them. The link is of the last one that tells all directions by itself.
+        The place is looked for by all of them. The link is of the last one that constrains all directions by itself.
 
         Args:
             distance: from where it is believed to be, along x and y [m].
@@ -102,14 +102,14 @@ class WideLoops:
         return self._rough
 
     def _matched(self, place: int, key: int, near: Array) -> Match | None:
-        """The scan alone on the scans of one place; None: it does not fit, or does not tell all directions."""
+        """The scan alone on the scans of one place; None: it does not fit, or does not constrain all directions."""
         settings, keys, scan = self._settings, self._keys, self._keys.points[key]
         first, last = max(0, place - settings.half), min(place + settings.half + 1, key - settings.gap)
         self._grid.build(keys.points[first:last], keys.poses[first:last])
         searched = self._grid.search(scan, near, _NEAR, _NEAR_TURN, prior=settings.prior)
         found = self._grid.refine(scan, searched.pose)
-        tells_all = untold(found.information, settings.weak * len(scan)) is None
-        return found if found.score > settings.loop_score and tells_all else None
+        constrained = untold(found.information, settings.weak * len(scan)) is None
+        return found if found.score > settings.loop_score and constrained else None
 
 
 def likely(off: Array, covariance: Array) -> bool:

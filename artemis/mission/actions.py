@@ -75,7 +75,7 @@ class MeasureSteering(Config):
     potentiometers: Literal["known", "new"] = "known"
     """New: nothing that they say now is believed; the wheels are aligned by hand or reference alone."""
     save: Literal["nothing", "ask", "drives"] = "nothing"
-    """What to do with the result in the drives' memory; ask: whoever is at the terminal."""
+    """What to do with the result in the drives' memory; ask: ask the operator at the terminal."""
 
     @model_validator(mode="after")
     def _unseen(self) -> Self:
@@ -169,7 +169,7 @@ class Recorded(Config):
     recorded: Name
     """Its name, as the step that recorded it has it in `record`."""
     close_within_m: Annotated[float, Field(ge=0, le=2)] = 0.0
-    """If it ends so near its beginning, in about the same direction, it goes on there: for several laps."""
+    """If it ends this near its beginning, in about the same direction, it continues there: for several laps."""
 
 
 def _kind_of_path(path: object) -> str:
@@ -252,7 +252,7 @@ Answer = Annotated[str, Field(min_length=1, max_length=40, pattern=r"^[^']+$")]
 
 
 class Ask(Config):
-    """Ask whoever is at the terminal; the answer is the signal `answer`."""
+    """Ask the operator at the terminal; the answer is the signal `answer`."""
 
     question: Text
     """What is asked, in words."""

@@ -8,7 +8,7 @@ from typing import Any
 
 from artemis.errors import ConfigError
 from artemis.progress import MEASURED, OF_BATTERY, OWN_STEPS
-from artemis.states.condition import Condition, SignalKind, comparisons, names_asked, parse
+from artemis.states.condition import ROUND, Condition, SignalKind, comparisons, names_asked, parse
 from artemis.states.outcomes import NO_BATTERY, NOT_MEASURED, StepFacts
 from artemis.states.outline import Path, keys_of, parts_of, steps_in
 
@@ -17,12 +17,10 @@ UNTIL = "until"
 LONGEST = 1000
 """Characters."""
 _NUMBER, _TRUTH = SignalKind(kind=float), SignalKind(kind=bool)
-ROUND = {"round": _NUMBER}
-"""What only conditions within a `repeat` may ask for."""
 
 
 def declared_signals(steps: Any, inputs: Iterable[str], facts: StepFacts) -> dict[str, SignalKind]:  # noqa: ANN401
-    """What conditions of a mission may ask for, `ROUND` apart; `steps`: in its file's own form."""
+    """What conditions of a mission may ask for, `round` apart; `steps`: in its file's own form."""
     asks = (keys_of(body).get("answers") for _, word, body in steps_in(steps) if word == "ask")
     answers = [answer for given in asks for answer in parts_of(given) if isinstance(answer, str)]
     return {
@@ -46,12 +44,12 @@ def conditions_in(
         steps: in its file's own form.
         declared: what they may ask for.
         facts: which of that is measured.
-        complete: all steps can be read. Else others may declare what a condition asks for.
+        complete: `declared` is all of them. Else steps that cannot be read may declare more.
     """
     found: dict[Path, Condition] = {}
     problems: list[tuple[Path, str]] = []
     for path, text in _texts(steps):
-        known = {**declared, **(ROUND if _repeats(path) else {})}
+        known = {**declared, **({ROUND: _NUMBER} if _repeats(path) else {})}
         if not complete and not known.keys() >= names_asked(text):
             continue
         try:
@@ -63,9 +61,9 @@ def conditions_in(
         if not facts.has_battery:
             problems += [(path, f"{name}: {NO_BATTERY}") for name in sorted(asked.intersection(OF_BATTERY))]
         if not facts.measures_supply:
-            told = asked.intersection(("battery_v", *(OF_BATTERY if facts.has_battery else ())))
+            measured = asked.intersection(("battery_v", *(OF_BATTERY if facts.has_battery else ())))
             problems += [
-                (path, f"{name}: {NOT_MEASURED}, or use a time, such as run_s > 3600") for name in sorted(told)
+                (path, f"{name}: {NOT_MEASURED}, or use a time, such as run_s > 3600") for name in sorted(measured)
             ]
     return found, problems
 

@@ -30,7 +30,7 @@ class AskedGoal(Config):
 
     from_input: Annotated[str, Field(min_length=1)]
     """One of the mission's `inputs`, which allows it: `allow: [goal_pose]`. The robot stands until the goal comes;
-    another one on the way replaces it, once the robot stands."""
+    a new one during the drive replaces it, once the robot stands."""
 
 
 def _kind_of(to: object) -> str:
@@ -40,7 +40,7 @@ def _kind_of(to: object) -> str:
 
 
 class Goto(Config):
-    """Drive to a place on a map, on a route that is planned for it; another one where something stands in the way."""
+    """Drive to a place on a map, on a route that is planned for it; replan where an obstacle blocks it."""
 
     map: FileName
     """A map's YAML file, as of map_server. Zones and places stand beside it: of `hall.yaml` in `hall.zones.yaml`."""

@@ -69,13 +69,13 @@ class FaultInjector(Protocol):
         """The steps of a plan; those that drive misbehave at its run time as asked for, also in a replay."""
 
     def failing_disk(self, folder: FilePath) -> Disk:
-        """A disk that can be told to fail, with the room that `folder` has."""
+        """A disk that can be made to fail, with the room that `folder` has."""
 
     def failing_bus(self, bus: FrameBus, seed: int) -> FrameBus:
-        """The bus, but it can be told to fail; `seed` of all that is random in that."""
+        """The bus, but it can be made to fail; `seed` of all that is random in that."""
 
     def failing_localizer(self, localizer: Localizer) -> Localizer:
-        """The localizer, but it can be told to misbehave."""
+        """The localizer, but it can be made to misbehave."""
 
     def begin(self, run: Simulated, faults: Sequence[InjectedFault], note: Callable[[Entry], None]) -> None:
         """Have each fault happen at its time, counted from now, and noted for the journal; those at 0 happen here."""

@@ -32,7 +32,7 @@ def mission_schema() -> dict[str, object]:
     step = found["$defs"]["Step"]
     step["additionalProperties"] = False
     for name in names(BEHAVIOURS):
-        with suppress(PluginError, PydanticInvalidForJsonSchema):  # `artemis plugins` tells what is broken
+        with suppress(PluginError, PydanticInvalidForJsonSchema):  # `artemis plugins` reports what is broken
             plugin = behaviour_class(name)
             own = _schema(plugin.Config, getmodule(plugin.Config), template=f"#/$defs/{name}.{{model}}")
             found["$defs"] |= {f"{name}.{model}": inner for model, inner in own.pop("$defs", {}).items()}

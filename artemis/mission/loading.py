@@ -203,7 +203,7 @@ class _Loading(SurroundingsChecks):
             self._complain(("record",), f"is a file, expected a folder: {there}")
 
     def _check_drives(self, mission: Mission, robot: RobotFile) -> None:
-        """Drives that interpolate are told the period of set-points in whole ms."""
+        """Drives that interpolate are given the period of set-points in whole ms."""
         interpolating = [name for name, drive in robot.drives.items() if drive.tables.interpolates]
         if interpolating and 1000 % mission.tick_hz:
             rates = ", ".join(str(rate) for rate in range(25, 201) if not 1000 % rate)
@@ -224,7 +224,7 @@ class _Loading(SurroundingsChecks):
         return inputs
 
     def _check_inputs(self, robot: RobotFile, mission: Mission | None) -> None:
-        """What is wrong in the files of plugins that open nothing, and in keys of which nobody has complained yet."""
+        """What is wrong in the files of plugins that open nothing, and in keys without a problem so far."""
         from artemis.mission.trial import trial
 
         for at, problem in clashing(self._plugins):

@@ -45,7 +45,7 @@ class Order:
         ends: Of each step, word and list of steps, by its path, how it may end.
         unreached: The first step of each list that is never reached.
         unused: Each `any` for which no outcome is left.
-        unread: Steps that cannot be read: nobody knows what they do.
+        unread: Steps that cannot be read: what they do is unknown.
     """
 
     def __init__(self, steps: Any, facts: StepFacts, wrong: Iterable[Path] = ()) -> None:  # noqa: ANN401 (of a file)

@@ -55,7 +55,7 @@ def add_page(mission: dict[str, Any], options: Mapping[str, Any]) -> None:
     if used is None:
         used = observers[PAGE] = {"plugin": PAGE, "input": name}
     used.update(options)
-    if options.get(STARTED_BY_PAGE):  # by somebody who may be far away: an operator's own act arms
+    if options.get(STARTED_BY_PAGE):  # by an operator who may be far away: an operator's own act arms
         _section(mission, "supervision")["wait_for_arm"] = True
     simulation = mission.get("simulation")
     if isinstance(simulation, dict) and simulation.get("pace") == "fast":

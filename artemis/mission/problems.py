@@ -15,6 +15,9 @@ from artemis.errors import shown
 from artemis.mounting import Mounting
 from artemis.yaml_file import Document, KeyPath, surprise
 
+LAST_BRANCH = "a last branch without `if`"
+"""Of `choose`: what other languages call `else`."""
+NO_ELSE = f"unknown key; write {LAST_BRANCH}"
 _MAX_NAMED = 12
 
 _EXPECTED = {
@@ -130,6 +133,8 @@ def _words(detail: ErrorDetails, model: type[BaseModel], path: KeyPath, beside: 
             return (
                 "unknown key; did you mean catch? (readers of YAML 1.1 take the key `on` for true: no key is called so)"
             )
+        if path[-1] == "else" and "choose" in path:
+            return NO_ELSE
         return f"unknown key{nearest(str(path[-1]), known, 'known keys')}"
     if kind == "value_error":
         return f"{context['error']}" + (f", found {describe(found)}" if isinstance(found, str) else "")
@@ -145,6 +150,8 @@ def _words(detail: ErrorDetails, model: type[BaseModel], path: KeyPath, beside: 
         similar = difflib.get_close_matches(found.lower(), names, n=1)
         return text + (f"; did you mean {similar[0]}?" if similar else "")
     hint = surprise(found) if kind in _HINTED and isinstance(found, str) else None
+    if path[-1:] == ("goto",) and isinstance(found, str):
+        hint = f"write {{map: FILE, to: {found}}}"
     return f"{text}: {hint}" if hint else text
 
 

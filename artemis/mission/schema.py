@@ -79,7 +79,7 @@ class RecoveryPolicy(Config):
     retries: Annotated[int, Field(ge=0)] | None = None
     """Automatic recoveries, at most the table's number; then a person is needed."""
     resume: Literal["wait", "continue"] = "wait"
-    """After an automatic recovery: wait for arm, or go on where the robot stopped."""
+    """After an automatic recovery: wait for arm, or resume where the robot stopped."""
 
 
 class Operation(Config):
@@ -173,7 +173,7 @@ class Mission(Config):
     observers: dict[str, PluginUse] = Field(default_factory=dict)
     """What else sees the run, by names of the mission's own."""
     localizer: PluginUse | None = None
-    """Tells where the robot is; None: its odometry does. Paths then lie in the frame of the localizer's map."""
+    """Reports where the robot is; None: its odometry does. Paths then lie in the frame of the localizer's map."""
     steps: Annotated[tuple[Step, ...], *A_LIST]
     parts: dict[Name, MissionPart] = Field(default_factory=dict)
     """Steps that are written once, by the name with which steps `call` them."""

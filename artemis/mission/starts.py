@@ -1,4 +1,4 @@
-"""Whether each path begins where the robot stands then, as far as the mission tells that."""
+"""Whether each path begins where the robot stands then, as far as the mission states that."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from artemis.sim.world import PlantParameters
 
 _AT_TIMES = ("choose", "catch", "between", "when")
-"""Steps within these may run or not: after them nobody knows where the robot is."""
+"""Steps within these may run or not: after them the robot's place is unknown."""
 
 
 def start_pose(mission: Mapping[str, Any], true: PlantParameters, *, simulated: bool) -> Pose | None:

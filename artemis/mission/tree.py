@@ -10,12 +10,10 @@ from artemis.mission.conditions import UNTIL
 from artemis.mission.schema import Mission
 from artemis.mission.word_checks import WordChecks
 from artemis.mission.words import Step
-from artemis.plugins.registry import declarations
 from artemis.progress import DONE
 from artemis.states import tree
 from artemis.states.condition import Condition, SignalKind, comparisons
-from artemis.states.outcomes import StepFacts, step_facts
-from artemis.states.outline import behaviours_in, numbered
+from artemis.states.outline import numbered
 from artemis.states.plan import AskStep, WaitStep
 from artemis.states.step_names import name_of
 from artemis.states.tree import FAULT, Leaf, Node, Steps, Tree
@@ -32,7 +30,7 @@ class MissionTree:
     names: list[str]
     """Theirs, in a few words."""
     passive: list[WaitStep | AskStep | None]
-    """Those that move nothing; None: the robot's modes tell what ends it."""
+    """Those that move nothing; None: the robot's modes report what ends it."""
     outcomes: list[frozenset[str]]
     """Of each, what it may end with; faults only as `lost`."""
     asked: list[Condition]
@@ -49,12 +47,6 @@ class MissionTree:
 def written(mission: Mission) -> Any:  # noqa: ANN401 (of a file)
     """The mission's steps in its file's own form."""
     return mission.model_dump(include={"steps"}, by_alias=True)["steps"]
-
-
-def checks_of(mission: Mission, facts: StepFacts | None = None) -> WordChecks:
-    """What its words say; `facts` None: of a robot that has everything."""
-    steps = written(mission)
-    return WordChecks(steps, mission.inputs, facts or step_facts(declarations(behaviours_in(steps)), None))
 
 
 def mission_tree(mission: Mission, checks: WordChecks) -> MissionTree:

@@ -21,8 +21,8 @@ Happening = str | float | Mapping[str, Value]
 """How the present step ends, an answer to its question, or `fault:ID`; or so many seconds pass; or signals change."""
 DT = 0.02
 """What a tick lasts in which nothing else is said [s]."""
-SOMEBODY = -1
-"""Number of the behaviour that tells a signal: whichever it is."""
+ANY_BEHAVIOUR = -1
+"""Number of the behaviour that publishes a signal: whichever it is."""
 
 
 class MissionWalk:
@@ -31,8 +31,8 @@ class MissionWalk:
     Attributes:
         steps: Steps that have begun so far, in their order, in words: `follow paths/lap.csv`, `wait 20 s`.
         places: Where these stand in the mission: `steps[1].follow`.
-        events: What was told so far: `retry 1 of 2 after fault:DRV-25`.
-        said: What people were told.
+        events: What was reported so far: `retry 1 of 2 after fault:DRV-25`.
+        said: What was reported to people.
     """
 
     def __init__(self, found: MissionTree, tree: Tree | None = None) -> None:
@@ -96,7 +96,7 @@ class MissionWalk:
             done=position.done + dt if waits else None,
             outcome=outcome,
             answers=(answer,) if answer else (),
-            acted={SOMEBODY: Acted(step=SOMEBODY, signals=told)} if told else {},
+            acted={ANY_BEHAVIOUR: Acted(step=ANY_BEHAVIOUR, signals=told)} if told else {},
         )
         advanced = advance(self.tree, self.found.passive, position, facts)
         self.position = advanced.position

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Set
 from typing import Any
 
 from artemis.mission.conditions import conditions_in, declared_signals
 from artemis.mission.lapsing import lapses
 from artemis.mission.order import TIME, UNREAD, Order
-from artemis.mission.problems import nearest
-from artemis.progress import DONE
+from artemis.mission.problems import LAST_BRANCH, nearest
+from artemis.progress import DONE, OWN_STEPS
 from artemis.states.outcomes import StepFacts, outcomes_of
 from artemis.states.outline import Path, keys_of, parts_of, step_of, steps_in
 from artemis.states.tree import ANY, FAULT, LOST, RESTART, RESUME
@@ -26,7 +26,7 @@ class WordChecks:
         conditions: Those that can be read, by their paths.
         facts: What outcomes depend on beside the steps.
         problems: What is wrong, with its path.
-        remarks: What may never end or happen, for people.
+        remarks: What may never end or happen, and outcomes that end the mission, for people.
     """
 
     def __init__(
@@ -41,7 +41,8 @@ class WordChecks:
             steps = steps[:-1] if step_of(steps[-1])[0] == "stop" else steps
         self.order, self.facts = Order(steps, facts, wrong), facts
         self.signals = declared_signals(steps, inputs, facts)
-        complete = not self.order.unread
+        readable = {*OWN_STEPS, *facts.behaviours} - {"call", "ask"}
+        complete = all(path[-1] in readable for path in self.order.unread)
         self.conditions, self.problems = conditions_in(steps, self.signals, facts, complete=complete)
         never = "is never reached: the step before never ends with done"
         self.problems += [(path, never) for path in self.order.unreached]
@@ -49,6 +50,10 @@ class WordChecks:
             (path, "no step within ends with an outcome that is left for it; faults, only where a key names them")
             for path in self.order.unused
         ]
+        self._endless: list[tuple[Path, str]] = []
+        """Remarks on what only a person ends, unless it is in one of these steps."""
+        self._caught: dict[Path, Set[Any]] = {}
+        """What a `try` catches, by the path of its steps."""
         self._left: list[Path] = []
         """Steps that something around them ends."""
         self._check_signals()
@@ -71,38 +76,39 @@ class WordChecks:
     @property
     def remarks(self) -> list[str]:
         """See the class."""
-        left = [(path, text) for path, text in self._remarks if not any(path[: len(at)] == at for at in self._left)]
-        return [f"{dotted(path)}: {text}" for path, text in left]
+        endless = [(path, text) for path, text in self._endless if not any(path[: len(at)] == at for at in self._left)]
+        return [f"{dotted(path)}: {text}" for path, text in (*self._remarks, *endless)]
 
     def _check_signals(self) -> None:
-        """Two behaviours must not tell the same signal."""
-        tells: dict[str, str] = {}
+        """Two behaviours must not publish the same signal."""
+        publishers: dict[str, str] = {}
         for behaviour, facts in self.facts.behaviours.items():
             for name in facts.signals:
-                if name in tells:
-                    both = f"{behaviour} and {tells[name]} both publish the signal {name}: use one of them"
+                if name in publishers:
+                    both = f"{behaviour} and {publishers[name]} both publish the signal {name}: use one of them"
                     self.problems.append((("steps",), both))
-                tells[name] = behaviour
+                publishers[name] = behaviour
 
     def _check_lapse(self, path: Path, limit: str, keys: Mapping[str, Any]) -> None:
         """A condition that ends a step must not be one that never holds again, unless a limit ends the step, too."""
         if keys.get(limit) is None and path in self.conditions and lapses(self.conditions[path]):
             grows = "does not hold any more once run_s or driven_m has grown, and then only a person ends the step"
-            self._remarks.append((path, f"{grows}: add {limit}"))
+            self._endless.append((path, f"{grows}: add {limit}"))
 
     def _check_repeat(self, path: Path, keys: Mapping[str, Any]) -> None:
         ends = self.order.ends.get((*path, "steps"), {})
         if keys.get("steps") and TIME not in ends.get(DONE, (TIME,)):
             self.problems.append(
-                (path, "no time passes in it on some way through: add a step that takes time, or an else")
+                (path, f"no time passes in it on some way through: add a step that takes time, or {LAST_BRANCH}")
             )
         if keys.get("times") is None and keys.get("until") is None and ends.keys() <= {DONE, FAULT, LOST}:
-            self._remarks.append((path, "repeats for ever; only a person ends it"))
+            self._endless.append((path, "repeats for ever; only a person ends it"))
         self._check_lapse((*path, "until"), "times", keys)
 
     def _check_try(self, path: Path, keys: Mapping[str, Any]) -> None:
         ends = self.order.ends.get((*path, "steps"), {})
         possible = {name for name in ends if name not in (DONE, FAULT) and not name.startswith("!")}
+        self._caught[*path, "steps"] = keys_of(keys.get("catch")).keys()
         named: list[tuple[Path, Any]] = [
             *((("again_on", index), name) for index, name in enumerate(parts_of(keys.get("again_on")))),
             *((("catch", name), name) for name in keys_of(keys.get("catch"))),
@@ -137,6 +143,11 @@ class WordChecks:
             above += [] if condition is None else [condition]
             if then in (DONE, FAULT, ANY) or then.startswith((f"{FAULT}:", "!")):
                 self.problems.append(((*at, "then"), f"{then} is no outcome of your own"))
+            caught = any({then, ANY} & self._caught.get(at[:end], set()) for end in range(len(at)))
+            if then not in (RESUME, RESTART) and then in self.order.ends.get(path, ()) and not caught:
+                near = nearest(then, (RESUME, RESTART))
+                hint = near if "did you mean" in near else ""
+                self._remarks.append(((*at, "then"), f"no `try` catches {then}: it ends the mission as failed{hint}"))
 
     def _check_choose(self, path: Path, branches: Iterable[Any]) -> None:
         *others, _ = [*branches, None]

@@ -24,7 +24,7 @@ from artemis.mission.actions import (
 from artemis.mission.by_hand import Teleop
 from artemis.mission.goto import Goto
 from artemis.mission.keys import Positive, check_one_key
-from artemis.mission.problems import describe, nearest
+from artemis.mission.problems import NO_ELSE, describe, nearest
 from artemis.plugins.registry import BEHAVIOURS, names
 from artemis.yaml_file import KeyPath
 
@@ -135,7 +135,7 @@ class EndWord(Config):
     outcome: Literal["done", "failed"] = "done"
     """failed: exit status 1."""
     say: Text | None = None
-    """What people are told."""
+    """The message that is shown to the operator."""
 
 
 class MissionPart(Config):
@@ -169,7 +169,7 @@ class Step(Config):
     teleop: Teleop | None = None
     ask: Ask | None = None
     say: Text | None = None
-    """Tell people something."""
+    """Show a message to the operator."""
     repeat: RepeatWord | None = None
     try_: TryWord | None = Field(default=None, alias="try")
     during: DuringWord | None = None
@@ -207,7 +207,9 @@ class Step(Config):
     def _check_behaviours(self, installed: Callable[[], Collection[str]]) -> None:
         wrong: list[tuple[KeyPath, str]] = []
         for key, body in (self.model_extra or {}).items():
-            if key not in (names := installed()):
+            if key == "else":
+                wrong.append(((key,), NO_ELSE))
+            elif key not in (names := installed()):
                 own = [field.alias or name for name, field in type(self).model_fields.items()]
                 near = nearest(key, list(dict.fromkeys([*own, *names])), "known keys")
                 what = "unknown key" if "did you mean" in near else "unknown key, and no installed behaviour"

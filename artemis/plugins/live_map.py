@@ -31,6 +31,9 @@ class LiveMap:
 
     In real time its thread matches the scans, and another one looks for loops, solves, and never holds the first one
     up. The map is that which `artemis map build` makes of the run's recording, unless ticks were missed.
+
+    Key scans that wait for their loops are never dropped, nor is their number limited: the map keeps each of them
+    anyway, so those that wait need no memory that it would not need once they are done.
     """
 
     Config: ClassVar[type[Config]] = Config
@@ -48,13 +51,13 @@ class LiveMap:
         Args:
             readings: make readings of the ticks.
             outputs: the YAML files to write, each with the side of its cells [m].
-            say: is told what was made.
+            say: is called with what was made.
             threaded: look for loops in a thread of its own.
         """
         self._readings, self._outputs, self._say = readings, outputs, say
         self._broken: BaseException | None = None
         self._shown: ShownMap | None = None
-        self._watched, self._next, self._station = False, 0.0, -1
+        self._watched, self._show_waits, self._next, self._station = False, False, 0.0, -1
         self._closing: Beside[None] = Beside(
             f"{NAME} loops", lambda nothing: None, threaded=threaded, failed=self._failed
         )
@@ -69,8 +72,9 @@ class LiveMap:
         for reading in self._readings.see(tick):
             self._mapper.add(reading)
             station = self._mapper.station
-            if self._watched and reading.time >= self._next and station != self._station:
-                self._next, self._station = reading.time + SHOWN_EVERY, station
+            due = self._watched and not self._show_waits and reading.time >= self._next
+            if due and station != self._station:
+                self._next, self._station, self._show_waits = reading.time + SHOWN_EVERY, station, True
                 self._closing.order(self._show, station, reading.odometry)
 
     def take_problems(self) -> list[tuple[str, str, str]]:
@@ -94,7 +98,7 @@ class LiveMap:
         graph = mapper.result()
         for file, resolution in self._outputs.items():
             try:
-                content = occupancy(mapper.keys.points, mapper.keys.poses, resolution)
+                content = occupancy(mapper.keys, resolution)
                 write_bytes(saved_files(file, content, graph))
             except (ValueError, ConfigError) as error:
                 problems.append(f"{file}: {error}")
@@ -113,10 +117,9 @@ class LiveMap:
 
     def _show(self, station: int, odometry: Array) -> None:
         """Where the loops are found, behind the key scan of the station: the poses stay as they are meanwhile."""
-        keys = self._mapper.keys
-        count = len(keys)
+        self._show_waits = False
         try:
-            content = occupancy(keys.points[:count], keys.poses[:count].copy(), max(self._outputs.values()))
+            content = occupancy(self._mapper.keys, max(self._outputs.values()))
         except ValueError:  # `close` says what is wrong
             return
         x, y, heading = compose(self._mapper.pose_of(station), between(odometry, [0.0, 0.0, 0.0])).tolist()

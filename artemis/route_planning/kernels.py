@@ -19,5 +19,5 @@ except ImportError:  # the extra `slam` is not installed
 
     COMPILED = False
 
-NOTICE = "numba is not installed: planning a route takes a hundred times as long; pip install 'artemis-robot[slam]'"
+NOTICE = "numba is not installed: planning a route takes two to seven times as long; pip install 'artemis-robot[slam]'"
 """For people, where `COMPILED` is false."""

@@ -42,7 +42,7 @@ class ActMode:
         self._outcome = ""
 
     def enter(self, snapshot: Snapshot) -> None:
-        """A step begins, or goes on after it was interrupted: then its behaviour is not started again."""
+        """A step begins, or resumes after it was interrupted: then its behaviour is not started again."""
 
     def step(self, snapshot: Snapshot) -> Wish:
         """The behaviour's command; its outcome once it has ended and the robot stands."""
@@ -89,7 +89,7 @@ class Observing:
         self._started: set[int] = set()
 
     def ask(self, snapshot: Snapshot, wish: Wish) -> Wish:
-        """The mode's wish, with what they told; or with the first fault of theirs, if it has none."""
+        """The mode's wish, with what they reported; or with the first fault of theirs, if it has none."""
         running, steps = self._shared.beside, self._shared.plan.steps
         self._started &= running.keys()
         for number, state in running.items():

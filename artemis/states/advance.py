@@ -1,4 +1,4 @@
-"""Where a mission is, and how it goes on. Pure: no clock, no robot.
+"""Where a mission is, and how it continues. Pure: no clock, no robot.
 
 The place in the tree is one frozen value (`Position`), recorded with each tick and resumed from. An outcome other than
 `done` climbs until a `try` names it. A step that begins lasts for at least one tick, so no tick turns for ever.
@@ -56,7 +56,7 @@ class MissionFacts(Struct, frozen=True, kw_only=True):
     """How it ended; empty: it has not."""
     answers: tuple[str, ...] = ()
     acted: Mapping[int, Acted] = {}
-    """What behaviours told, by the number of their step."""
+    """What behaviours reported, by the number of their step."""
 
 
 class Passive(Struct, frozen=True, kw_only=True):
@@ -92,7 +92,7 @@ def advance(tree: Tree, passive: Sequence[Passive | None], position: Position, f
 
     Args:
         tree: The mission.
-        passive: Of each step, by its number, what ends it; None: the robot's modes tell that.
+        passive: Of each step, by its number, what ends it; None: the robot's modes report that.
         position: Where it was.
         facts: What it has to know.
     """
@@ -152,7 +152,7 @@ class _Advance:
 
     @property
     def _stands(self) -> bool:
-        """The robot stands, and no fault is to be told to its step first; steps beside others do not move it."""
+        """The robot stands, and no fault is to be reported to its step first; steps beside others do not move it."""
         return self._beside or (self._facts.standing and not self._position.faults)
 
     def _holds(self, condition: Condition) -> bool:
@@ -197,7 +197,7 @@ class _Advance:
             self._present(number, 0.0, "")
             return _leaf_place(number, 0.0, ""), ""
         done, state = float(place.numbers[0]), str(*place.numbers[2:])
-        if not self._beside and number != self._position.step:  # it goes on after something else
+        if not self._beside and number != self._position.step:  # it resumes after something else
             self._present(number, done, state)
             return place, ""
         acted = facts.acted.get(number, Acted(step=number, state=state))
@@ -368,7 +368,7 @@ class _Advance:
 
 
 def told_after(position: Position, acted: Mapping[int, Acted]) -> tuple[SignalValue, ...]:
-    """What is known of the behaviours' signals after a tick in which they told something."""
+    """What is known of the behaviours' signals after a tick in which they published some."""
     known = {signal.name: signal for signal in position.told}
     for told in acted.values():
         known |= {signal.name: signal for signal in told.signals}

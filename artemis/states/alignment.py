@@ -24,7 +24,7 @@ REST = math.radians(0.2)
 """A wheel that turns no faster than this [rad/s] rests."""
 SWEEP = math.radians(5.0)
 """The wheels turn this far to both sides [rad]: an analog input steps by 0.35 degrees, and only in motion does the mean
-of many readings tell more than one."""
+of many readings is more exact than one."""
 LARGEST_CORRECTION = math.radians(1.0)
 """The sweep may correct the first reading by this much [rad]; more means that encoder and potentiometers disagree."""
 STEP_TICKS, STEPS = 16.618, 2
@@ -32,7 +32,7 @@ STEP_TICKS, STEPS = 16.618, 2
 
 With the fraction of the golden ratio each edge lies elsewhere between two ticks: where in between averages out."""
 SETTLE_TICKS = 10
-"""Then the wheels rest for so many ticks: what they still turned before they are told their angle would be an error."""
+"""Then the wheels rest for so many ticks: what they still turned before their angle is set would be an error."""
 STEER_TIME = 12.0
 """Longest time for one of the turns [s]: from lock to straight takes 2.3 s at 33 degrees a second."""
 LOOK_TIME = 0.1
@@ -47,7 +47,7 @@ Readings = dict[str, tuple[float, float]]
 
 
 def align(shared: Shared, snapshot: Snapshot) -> Routine:
-    """At rest: read the potentiometers, tell the drives their angle, sweep for the fine angle; then enable traction.
+    """At rest: read the potentiometers, set the drives' angle, sweep for the fine angle; then enable traction.
 
     Traction stays off while the wheels turn: before they are aligned, nothing can drive the robot. Wheels with new
     potentiometers are taken as they are found, and stay there; traction stays off.
@@ -151,7 +151,7 @@ def switch_off(shared: Shared, wish: Wish, snapshot: Snapshot) -> Routine:
 
 
 class Lookout:
-    """Keeps drives off that are not ours yet: without our configuration they tell nothing, so each is asked by SDO."""
+    """Keeps drives off that are not ours yet: they report nothing without our configuration; each is asked by SDO."""
 
     def __init__(self) -> None:
         self._under_way: set[int] = set()
@@ -200,7 +200,7 @@ def steer(
 def _seek_edges(plan: Plan, snapshot: Snapshot) -> Generator[Wish, Snapshot, tuple[dict[str, float], Snapshot]]:
     """Turn the wheels slowly to and fro about straight ahead: what their encoders lack [rad], by steering drive.
 
-    Those whose family tells no step of its analog inputs are not among them, nor those of which no edge is seen.
+    Those whose family states no step of its analog inputs are not among them, nor those of which no edge is seen.
     """
     edges: dict[str, StepEdges] = {}
     steps: list[float] = []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from artemis.progress import MissionEvent
 from artemis.values import Sensed
@@ -16,9 +16,17 @@ def answers_to(step: int, asked: float | None, sensed: Sensed) -> tuple[tuple[st
     since = sensed.time - (asked or 0.0) - _APART
     late = [answer.text for answer in sensed.typed if answer.step != step or answer.shown < since]
     typed = [answer.text for answer in sensed.typed if answer.step == step and answer.shown >= since]
-    text = "is ignored: its question is over"
-    events = tuple(MissionEvent(kind="answer", place="", text=f"{answer} {text}") for answer in late)
-    return (*sensed.answers, *typed), events
+    return (*sensed.answers, *typed), _ignored(late, "its question is over")
+
+
+def answers_without_mission(sensed: Sensed) -> tuple[MissionEvent, ...]:
+    """Words on those of a tick in which the mission does not run: they answer nothing."""
+    given = (*sensed.answers, *(answer.text for answer in sensed.typed))
+    return _ignored(given, "the mission does not run now")
+
+
+def _ignored(answers: Iterable[str], why: str) -> tuple[MissionEvent, ...]:
+    return tuple(MissionEvent(kind="answer", place="", text=f"{answer} is ignored: {why}") for answer in answers)
 
 
 def given_answer(given: str, answers: Sequence[str]) -> str:

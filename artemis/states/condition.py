@@ -19,7 +19,9 @@ from artemis.progress import ANY_BATTERY, CONDITION_WORDS
 
 Value = float | str | bool
 Signals = Mapping[str, Value]
-"""What is known in a tick, by name. A signal that nobody has given yet is missing."""
+"""What is known in a tick, by name. A signal without a value yet is missing."""
+ROUND = "round"
+"""The signal that only conditions within a `repeat` may ask for."""
 MAX_DEPTH = 50
 """Parentheses and `not` inside each other."""
 _TOKEN = re.compile(
@@ -51,7 +53,7 @@ class Has(Struct, frozen=True):
 
 
 class Compare(Struct, frozen=True):
-    """A signal against a value; false as long as nobody has given the signal."""
+    """A signal against a value; false as long as the signal has no value."""
 
     signal: str
     relation: str
@@ -80,7 +82,7 @@ Condition = Has | Compare | Not | Both | Either
 
 
 def holds(condition: Condition, signals: Signals) -> bool:
-    """Whether it is true of what is known; not where it depends on a signal that nobody has given yet."""
+    """Whether it is true of what is known; not where it depends on a signal without a value yet."""
     return _truth(condition, signals) is True
 
 
@@ -149,9 +151,8 @@ class _Parser:
     def _token(self) -> str:
         return self._tokens[self._next][1] if self._next < len(self._tokens) else ""
 
-    def _wrong(self, reason: str) -> ConfigError:
-        example = "" if "unknown signal" in reason else "; write for example battery_v < 23.2 and not stick.done"
-        return ConfigError(f"{reason} in the condition {self._text!r}{example}")
+    def _wrong(self, reason: str, hint: str = "write for example battery_v < 23.2 and not stick.done") -> ConfigError:
+        return ConfigError(f"condition {self._text!r}: {reason}; {hint}")
 
     def _take(self, *tokens: str) -> bool:
         taken = self._next < len(self._tokens) and self._tokens[self._next] in [("mark", token) for token in tokens]
@@ -194,7 +195,8 @@ class _Parser:
         name = self._token
         signal = self._declared.get(name)
         if signal is None:
-            raise self._wrong(f"unknown signal {name!r}; {similar(name, self._declared)}")
+            hint = "it exists only inside `repeat`" if name == ROUND else similar(name, self._declared)
+            raise self._wrong(f"unknown signal {name!r}", hint)
         self._next += 1
         relation = self._token
         if not self._take(*_RELATIONS):
@@ -220,5 +222,5 @@ class _Parser:
             raise self._wrong(f"{name} is a text: it can only be compared by == and !=")
         value = token[1:-1]
         if signal.values and value not in signal.values:
-            raise self._wrong(f"{name} is never {value!r}; {similar(value, signal.values)}")
+            raise self._wrong(f"{name} is never {value!r}", similar(value, signal.values))
         return value

@@ -28,7 +28,7 @@ ARMING_WAY, CONVERGENCE_WAY = 1.0, 5.0
 """The limit of the cross-track error counts once it was kept while the robot drove the first so much [m], at the latest
 after the second."""
 SLACK, SLOWEST = 10.0, 0.05
-"""A path may take twice its time, at the second speed [m/s] where the follower tells none, and for each of its parts
+"""A path may take twice its time, at the second speed [m/s] where the follower states none, and for each of its parts
 the first [s] (PTH-08)."""
 CONTRADICTED = 0.35
 """Fixes may contradict the pose for so long [s] (LOC-02)."""
@@ -41,7 +41,7 @@ _ENABLED = Goal.ENABLED
 
 
 class FollowMode:
-    """Asks the follower at each tick. A step that was interrupted goes on where it stopped."""
+    """Asks the follower at each tick. A step that was interrupted resumes where it stopped."""
 
     _entry: int  # this and the next belong to the step that has begun
     _planned: tuple[int, ...]
@@ -145,7 +145,7 @@ class FollowMode:
         return route.directed(from_end=step.from_end, backward=step.backward).with_laps(step.laps)
 
     def _rest(self, route: Route, step: FollowStep, pose: Pose) -> Route:
-        """What is left of it: where an open route goes on is said by what is done, for it may pass a place twice."""
+        """What is left of it: where an open route resumes is given by what is done, for it may pass a place twice."""
         if step.nearest and (route.closed or not self.shared.position.done):
             return route.begun_at(route.nearest(pose.x, pose.y), self.shared.position.done)
         return route.rest(self.shared.position.done)

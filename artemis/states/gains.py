@@ -161,7 +161,7 @@ class OscillationDetector:
 
 
 def restore_gains(shared: Shared, wish: Wish, snapshot: Snapshot) -> Routine:
-    """Give drives that are off the robot file's gains again; one that does not take them is told."""
+    """Give drives that are off the robot file's gains again; one that does not take them is reported."""
     tried, drives = shared.results.tried, shared.plan.robot.drives
     known = {name: numbers for name in tried if (numbers := drives[name].gain_numbers)}
     if not known:

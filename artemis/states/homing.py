@@ -31,7 +31,7 @@ CREEP = radians(0.5)
 BACK = radians(SWITCH_MARGIN_DEG)
 """So far from the switch it begins to creep, and so far it creeps beyond where it saw the switch first [rad]."""
 HELD, TURNED, MESSAGES = radians(0.5), 0.25, 3
-"""It is held when it is so far behind its set-point [rad] and still turns by less than this part of what it is told to
+"""It is held when it is so far behind its set-point [rad] and still turns by less than this part of what is commanded
 from one of its messages to the next, so many in a row: one may be older than the set-point, and a late computer makes a
 large step."""
 ROUNDS = 2
@@ -202,7 +202,7 @@ def _not_found(shared: Shared, name: str, what: str) -> Fault:
 
 
 class _Held:
-    """Whether a motor that is told to turn `towards` a side (1: left) does not."""
+    """Whether a motor that is commanded to turn `towards` a side (1: left) does not."""
 
     def __init__(self, name: str, towards: float) -> None:
         self._name, self._towards = name, towards

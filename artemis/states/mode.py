@@ -47,7 +47,7 @@ Routine = Generator[Wish, Snapshot, Snapshot]
 
 
 class Failed(Exception):
-    """A routine cannot go on: its mode reports the fault, and stands by with the wish until the mode changes."""
+    """A routine cannot continue: its mode reports the fault, and stands by with the wish until the mode changes."""
 
     def __init__(self, wish: Wish, fault: Fault) -> None:
         super().__init__(fault.text)
@@ -163,7 +163,7 @@ PATIENCE = 600.0
 
 
 def give_up(wish: Wish, *, late: bool) -> Wish:
-    """`wish`, and the end of the run as failed: nobody came in time (`late`), or nobody is there to come."""
+    """`wish`, and the end of the run as failed: no operator came in time (`late`), or there is none."""
     return replace(wish, event=Event.END, failed=True, fault=catalogue.fault("OPR-03") if late else None)
 
 
@@ -178,8 +178,8 @@ def come_to_rest(shared: Shared, wish: Wish, snapshot: Snapshot) -> Routine:
     driven wheel is not heard any more. What stood a moment ago may just have begun to move: standing counts after a
     while.
 
-    A driven wheel whose drive is unresponsive would go on as it was told last: it is stopped by SDO. Where that fails,
-    too, our heartbeat is withheld, so that every drive stops by itself.
+    A driven wheel whose drive is unresponsive would continue at its last set-point: it is stopped by SDO. Where that
+    fails, too, our heartbeat is withheld, so that every drive stops by itself.
     """
     stop = shared.bring_up.stop = shared.bring_up.stop or DriveStop(snapshot.time, _ramp_time(shared.plan, snapshot))
     while True:
@@ -216,7 +216,7 @@ def _is_unresponsive(snapshot: Snapshot, name: str, passed: float) -> bool:
 
 
 def _is_heard(plan: Plan, snapshot: Snapshot) -> bool:
-    """Whether the driven wheels still tell how they roll."""
+    """Whether the driven wheels still report how they roll."""
     driven = plan.drives("traction")
     return all(d.age is not None and d.age < HEARD for d in snapshot.sensed.drives if d.name in driven)
 
@@ -236,7 +236,7 @@ STEERING_ON = Wish(traction=Goal.DISABLED, steering=Goal.ENABLED)
 
 
 def at_rest(plan: Plan) -> Wish:
-    """All drives enabled; only steering where nobody knows how the wheels stand."""
+    """All drives enabled; only steering where the wheels' angles are unknown."""
     return STEERING_ON if plan.blind else ON
 
 

@@ -10,6 +10,7 @@ from artemis.drive_states import Goal
 from artemis.motion.limits import is_sane
 from artemis.progress import MissionEvent
 from artemis.states.act import ActMode, Observing
+from artemis.states.answers import answers_without_mission
 from artemis.states.blocked import held_up, is_blocked
 from artemis.states.calibrate import CalibrateMode
 from artemis.states.end import EndMode
@@ -111,7 +112,7 @@ class Modes:
             yield Cause(event=wished)
 
     def _may_go_on(self, verdict: Verdict) -> bool:
-        """Whether what stops the robot may let it go on by itself: as the mission says, or with an arm not yet used."""
+        """Whether the robot may continue by itself after a stop: as the mission says, or with an arm not yet used."""
         return verdict.resumes or (verdict.recovers and self._shared.bring_up.armed)
 
     def step(self, snapshot: Snapshot) -> Wish:
@@ -132,6 +133,8 @@ class Modes:
             self.events = (*told, *shared.advance(wish, snapshot, standing=ready))
             if ready and wish.event is not _END and (shared.entry != entry or shared.rests or shared.current is None):
                 wish = replace(wish, event=None)  # what was to begin is no longer next
+        elif snapshot.sensed.answers or snapshot.sensed.typed:
+            self.events = answers_without_mission(snapshot.sensed)
         if verdict.severity is _OFF:
             off = replace(wish.command, action=Action.DISABLE)
             wish = replace(wish, command=off, traction=Goal.DISABLED, heartbeat=wish.heartbeat and not verdict.alarm)

@@ -57,7 +57,7 @@ def _turned(pose: Pose) -> Pose:
 
 
 def flipped_command(command: DriveCommand) -> DriveCommand:
-    """What the robot does when the one that drives the other end ahead is told `command`; its own inverse."""
+    """What the robot does when the one that drives the other end ahead is given `command`; its own inverse."""
     return replace(command, speed=-command.speed, steering=-command.steering)
 
 

@@ -96,7 +96,7 @@ class WaitStep(Passive, frozen=True, kw_only=True):
 
 
 class AskStep(Passive, frozen=True, kw_only=True):
-    """Stand still until somebody answers."""
+    """Stand still until an operator answers."""
 
     question: str
 
@@ -132,7 +132,7 @@ def with_behaviours(steps: Iterable[Step], change: Callable[[str, Behaviour], Be
 
 @dataclass(slots=True)
 class DriveStop:
-    """A stop by the drives under way. A mode that begins it anew goes on with it: its time does not begin again."""
+    """A stop by the drives under way. A mode that begins it anew continues it: its time does not begin again."""
 
     begun: float
     ramp: float
@@ -160,7 +160,7 @@ class Plan(Struct, frozen=True, kw_only=True):
     start: Pose | None = None
     """Where the odometry begins, likewise; None: where the wheels are aligned first."""
     localized: bool = False
-    """A localizer tells where the robot is."""
+    """A localizer reports where the robot is."""
     obstacles: ObstacleRules = ObstacleRules()
     """In steps that have no rules of their own."""
     tracks: Mapping[str, Track] = {}
@@ -217,17 +217,17 @@ class BringUp:
     """How far the drives are brought up, and what has to come before they may be: the modes' memory of it."""
 
     armed: bool = True
-    """The next bring-up may go on to enable the drives: at first as the plan says, then after an arm each."""
+    """The next bring-up may enable the drives: at first as the plan says, then after an arm each."""
     connected: bool = False
     """The drives have our configuration: process data may be exchanged."""
     proving: bool = False
-    """First contact and the proof of the watchdogs: what drives do not tell yet, or miss, is no fault of theirs."""
+    """First contact and the proof of the watchdogs: what drives do not report yet, or miss, is no fault of theirs."""
     aligned: bool = False
     """The wheels were aligned since the drives were last brought up."""
     placed: bool = False
     """The odometry has its origin: where the wheels were aligned first."""
     held: bool = False
-    """A person stopped the robot, or a fault that may not go on by itself: nothing but a person's arm lets it go on."""
+    """A person stopped the robot, or a fault that may not end by itself: it continues only when a person arms."""
     taken: bool = False
     """Wheels with new potentiometers were taken as they were found: from then on they may have been turned."""
     stop: DriveStop | None = None
@@ -312,7 +312,7 @@ class Shared:
         return self.position.state if isinstance(self.current, GotoStep) else ""
 
     def note_faults(self, faults: Iterable[Fault]) -> None:
-        """These stop the robot in its step: the mission is told of them once it may go on."""
+        """These stop the robot in its step: they are reported to the mission once it may continue."""
         known = self.position.faults
         named = [fault.id for fault in faults if self.tree.faults.intersection(fault_names(fault.id))]
         if not set(named).issubset(known):

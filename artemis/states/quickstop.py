@@ -91,7 +91,7 @@ class QuickstopMode(RoutineMode):
         return self._resumes and not (self.bring_up.held or self._acknowledged)
 
     def _waiting(self, rest: Wish, snapshot: Snapshot, latest: float) -> Wish:
-        """At rest, with what it waits for; ends the run where nobody will come."""
+        """At rest, with what it waits for; ends the run where no operator will come."""
         alone = not snapshot.sensed.attended and not self._goes_on
         if alone or snapshot.time > latest:
             return give_up(replace(rest, phase="no operator to arm" if alone else "stopped"), late=not alone)

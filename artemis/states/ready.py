@@ -28,7 +28,7 @@ class ReadyMode:
         self._planning, self._fitting = RoutePlanning(shared), TrackFitting(shared)
 
     def enter(self, snapshot: Snapshot) -> None:
-        """A step has ended, or the bring-up; a wait that was interrupted goes on."""
+        """A step has ended, or the bring-up; a wait that was interrupted resumes."""
         self._entry = self.shared.entry
         self._planning.begin()
         self._fitting.begin()
@@ -63,7 +63,7 @@ class ReadyMode:
         return self._wait(stand, snapshot)
 
     def _wait(self, stand: Wish, snapshot: Snapshot) -> Wish:
-        """A step that moves nothing: a question ends the run where nobody can answer."""
+        """A step that moves nothing: a question ends the run where no operator can answer."""
         step, done = self.shared.current, snapshot.time - self._since
         if isinstance(step, AskStep):
             phase = f"{step.question} ({', '.join(f'{n} {word}' for n, word in enumerate(step.answers, start=1))})"

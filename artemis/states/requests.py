@@ -1,4 +1,4 @@
-"""Requests that lead to nothing, and why: so that nobody waits for what will not come."""
+"""Requests that lead to nothing, and why: so that no operator waits for what will not come."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ class SteeringStep(CalibrateStep, frozen=True, kw_only=True):
 
 
 def calibrate_steering(shared: Shared, step: SteeringStep, snapshot: Snapshot) -> Routine:
-    """Have a person turn the wheels straight where no reference is given, measure each, tell, and keep the result.
+    """Have a person turn the wheels straight where no reference is given, measure each, report, and keep the result.
 
     Traction is off, and both wheels turn as a pair by set-points that pass the gate.
     """
@@ -151,7 +151,7 @@ def _ask(question: str, snapshot: Snapshot) -> Routine:
     """Wait until a person accepts; who does not, ends the run."""
     begun = snapshot.time
     while not _accepts(snapshot, begun):
-        _check_somebody(snapshot, begun, question)
+        _check_operator(snapshot, begun, question)
         snapshot = yield _hold(snapshot, question)
     return snapshot
 
@@ -161,11 +161,11 @@ def _accepts(snapshot: Snapshot, begun: float) -> bool:
     return Request.ACCEPT in snapshot.sensed.requests and snapshot.time >= begun + READ_TIME
 
 
-def _check_somebody(snapshot: Snapshot, begun: float, question: str) -> None:
-    """See that somebody may answer.
+def _check_operator(snapshot: Snapshot, begun: float, question: str) -> None:
+    """See that an operator may answer.
 
     Raises:
-        Failed: nobody is there, or nobody came.
+        Failed: there is no operator, or none came.
     """
     if not snapshot.sensed.attended or snapshot.time > begun + PATIENCE:
         raise Failed(STEERING_ON, _refused("", f"no answer from the operator: {question}"))
@@ -182,7 +182,7 @@ def _ask_straight(
     begun = snapshot.time
     while not _accepts(snapshot, begun):
         question = f"{_wheel(side)} at {degrees(angle):+.1f} deg: {TURN_IT}"
-        _check_somebody(snapshot, begun, question)
+        _check_operator(snapshot, begun, question)
         if jog := total(JOGS.get(request, 0.0) for request in snapshot.sensed.requests):
             here, direction = _drive(snapshot, name).position, copysign(1.0, jog)
             angle = min(max(angle + jog, here - AHEAD, low), here + AHEAD, high)

@@ -18,7 +18,7 @@ class TeleopMode:
         self.shared = shared
 
     def enter(self, snapshot: Snapshot) -> None:
-        """The controls were neutral when the step began, or went on after it was interrupted."""
+        """The controls were neutral when the step began, or resumed after it was interrupted."""
         self._anew = not self.shared.position.done
         self._since, self._ending = snapshot.time - self.shared.position.done, False
         if isinstance(step := self.shared.current, TeleopStep):

@@ -22,11 +22,11 @@ class Leaf(Struct, frozen=True):
     path: str
     """Key path in the mission."""
     signals: tuple[str, ...] = ()
-    """What its behaviour tells: forgotten where it begins."""
+    """What its behaviour publishes: forgotten where it begins."""
 
 
 class Say(Struct, frozen=True):
-    """Tells people something."""
+    """Reports something to people."""
 
     path: str
     text: str
@@ -146,7 +146,7 @@ def tree_of(root: Steps) -> Tree:
 
 
 def list_of(signals: Iterable[Iterable[str]]) -> Tree:
-    """The tree of a mission that is a list of steps, with the signals that each tells."""
+    """The tree of a mission that is a list of steps, with the signals that each publishes."""
     return tree_of(Steps(tuple(Leaf(index, f"steps[{index}]", tuple(told)) for index, told in enumerate(signals))))
 
 

@@ -86,10 +86,12 @@ def kill_bridges(robot: Path, bridges: Sequence[str], kills: int, seed: int) -> 
         loop = asyncio.get_running_loop()
 
         def work() -> None:
-            if drives.wait(LONGEST):
-                _kill(random.Random(seed), kills, figures)
-            lock.set()
-            loop.call_soon_threadsafe(request, Request.END)
+            try:
+                if drives.wait(LONGEST):
+                    _kill(random.Random(seed), kills, figures)
+            finally:
+                lock.set()
+                loop.call_soon_threadsafe(request, Request.END)
 
         killing = threading.Thread(target=work)
         killing.start()

@@ -21,6 +21,7 @@ from artemis.app import run_mission
 from artemis.bridges.operator.link_process import LinkProcess, LinkSettings, serve
 from artemis.bridges.operator.operator_end import OperatorEnd
 from artemis.bridges.operator.pairing import write_secret
+from artemis.bridges.operator.session import LinkReport
 from artemis.clock import cpu_time, stopwatch, until
 from artemis.commands.operator_drive import _RobotProtocol
 from artemis.devices.can_bus import Traffic
@@ -121,6 +122,11 @@ class LinkThread(LinkProcess):
             self._forget(self._ours)
         if self._thread is not None:
             self._thread.join(5.0)
+
+    def _ended(self, ours: socket.socket) -> LinkReport:
+        """The thread is no more: what is compared is lost."""
+        self._forget(ours)
+        raise ArtemisError("the thread of the operator's link has ended")
 
     @staticmethod
     def _serve(listening: socket.socket, port: socket.socket) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
-from itertools import compress
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +14,7 @@ from artemis.localisation.scan_localizer import ScanLocalizer, ScanPose
 from artemis.localisation.scan_map import ScanMap, common_covariance
 from artemis.mapping import kernels
 from artemis.mapping.carmen import read_carmen
+from artemis.mapping.key_scans import KeyScans
 from artemis.mapping.laser import Reading
 from artemis.mapping.mapper import Mapper
 from artemis.mapping.occupancy import occupancy
@@ -109,17 +109,21 @@ def localised(log: Path, relations: Path, split: float, *, cells: bool) -> Local
         mapper.add(reading)
     mapper.finish()
     times, poses = mapper.trajectory()
-    later = [readings[number].time - times[0] > split for number in mapper.key_readings]
-    scans = list(compress(mapper.keys.points, later))
+    keys = KeyScans()
+    for key, number in enumerate(mapper.key_readings):
+        if readings[number].time - times[0] > split:
+            keys.append(mapper.keys.points[key], mapper.keys.poses[key], mapper.keys.places[key])
     first = [n for n, each in enumerate(readings) if each.points is not None and each.time - times[0] < split]
-    if not scans or not first:
+    if not len(keys) or not first:
         raise ConfigError(f"--split {split:g}: one of the parts is empty")
-    of = mapper.keys.poses[later]
-    known = ScanMap.of_cells(occupancy(scans, of), settings) if cells else ScanMap.of_scans(scans, of, settings)
+    if cells:
+        known = ScanMap.of_cells(occupancy(keys, _CELL), settings)
+    else:
+        known = ScanMap.of_scans(keys.points, keys.poses, settings)
     _driven(known, [readings[n] for n in first[:50]], poses[first[0]])  # compiles
     found, seconds, _ = _driven(known, [readings[n] for n in first], poses[first[0]])
     at = np.array([each.pose for each in found])
-    way = Stations()  # between the scans the odometry tells the way
+    way = Stations()  # between the scans the poses follow the odometry
     for reading in readings[: first[-1] + 1]:
         if reading.points is None:
             way.pass_by(reading.time, reading.odometry)
@@ -133,7 +137,7 @@ def localised(log: Path, relations: Path, split: float, *, cells: bool) -> Local
     ]
     return Localised(
         scans=len(first),
-        keys=len(scans),
+        keys=len(keys),
         lost=sum(each.doubt >= 1 for each in found),
         metres=metres,
         degrees=degrees,

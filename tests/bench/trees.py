@@ -12,9 +12,11 @@ import msgspec
 
 from artemis.mission.loading import load_mission
 from artemis.mission.schema import Mission
-from artemis.mission.tree import MissionTree, checks_of, mission_tree
+from artemis.mission.tree import MissionTree, mission_tree, written
+from artemis.mission.word_checks import WordChecks
 from artemis.progress import Position
 from artemis.states.advance import MissionFacts, advance
+from artemis.states.outcomes import StepFacts
 from artemis.states.tree import inside
 
 from .composition import missions
@@ -79,7 +81,7 @@ def long_mission(steps: int) -> dict[str, Any]:
 
 def _tree(parts: int) -> MissionTree:
     mission = Mission.model_validate(long_mission(8 * parts))
-    return mission_tree(mission, checks_of(mission))
+    return mission_tree(mission, WordChecks(written(mission), (), StepFacts()))
 
 
 def _facts(outcome: str = "") -> MissionFacts:

@@ -60,19 +60,19 @@ def first(folder: Path, failed: subprocess.CompletedProcess[str]) -> Path:
 @pytest.fixture(scope="module")
 def resumed(first: Path, failed: subprocess.CompletedProcess[str]) -> subprocess.CompletedProcess[str]:
     """By the command that the failed run has told."""
-    return artemis(*label(failed.stdout, "go on").split()[1:])
+    return artemis(*label(failed.stdout, "resume").split()[1:])
 
 
 @pytest.mark.slow
 def test_a_failed_run_tells_how_to_go_on(failed: subprocess.CompletedProcess[str], first: Path, mission: Path) -> None:
-    assert label(failed.stdout, "go on") == f"artemis run {mission} --simulate --resume {first}"
+    assert label(failed.stdout, "resume") == f"artemis run {mission} --simulate --resume {first}"
 
 
 def test_a_run_that_cannot_be_gone_on_with_tells_no_command_for_it(tmp_path: Path) -> None:
     """Nobody counted how far the robot rolled without power."""
     failed = artemis_here("run", write_mission(tmp_path, more="simulation: {faults: [{at_s: 9.0, inject: SYS-09}]}\n"))
 
-    assert (failed.returncode, "go on" in failed.stdout) == (1, False)
+    assert (failed.returncode, "resume" in failed.stdout) == (1, False)
     refused = artemis_here("run", tmp_path / "mission.yaml", "--resume", only_run(tmp_path))
     assert refused.returncode == 2
     assert "the position of the robot is unknown" in refused.stderr

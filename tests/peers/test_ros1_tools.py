@@ -159,7 +159,7 @@ def test_goals_and_poses_of_the_tools_of_ros_are_passed_on(ros: Ros) -> None:
             ),
         ):
             tool = ros.begin("rostopic", "pub", "-1", topic, type, content)
-            while device._mailbox.is_empty:
+            while not device._mailbox._received.poses:
                 assert tool.poll() in (None, 0)
                 pause.wait(0.02)
             taken.append(device.read(1.0))

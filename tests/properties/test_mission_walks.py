@@ -12,8 +12,12 @@ from msgspec.structs import replace
 from artemis.mission.parts import expanded
 from artemis.mission.random_walks import RandomWalk
 from artemis.mission.schema import Mission
-from artemis.mission.tree import MissionTree, checks_of, mission_tree
+from artemis.mission.tree import MissionTree, mission_tree, written
+from artemis.mission.word_checks import WordChecks
+from artemis.plugins.registry import declarations
 from artemis.progress import DONE, Position
+from artemis.states.outcomes import StepFacts
+from artemis.states.outline import behaviours_in
 from artemis.yaml_file import load, survey
 
 MISSIONS = sorted((Path(__file__).parents[2] / "missions").glob("*.yaml"))
@@ -74,7 +78,8 @@ def tree_of(text: str) -> MissionTree:
     document, misfits = expanded(document, {name: load(file) for name, file in named.items()})
     assert not misfits
     mission = Mission.model_validate(document.data)
-    checks = checks_of(mission)
+    steps = written(mission)
+    checks = WordChecks(steps, mission.inputs, StepFacts(behaviours=declarations(behaviours_in(steps))))
     assert not checks.problems
     return mission_tree(mission, checks)
 

@@ -32,7 +32,7 @@ def test_a_mounting_is_found_within_its_interval(tmp_path: Path) -> None:
     assert outcome is not None
     recording = Recording(outcome.run.path)
 
-    drive = scanner_drive(recording.ticks(), "front", recording.robot.scanners["front"])
+    drive = scanner_drive(recording.ticks(), recording.robot, "front")
     found = fit_mounting(drive.odometry, drive.scanner)
 
     assert not drive.mirrored

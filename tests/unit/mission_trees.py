@@ -8,11 +8,13 @@ from typing import Any
 from msgspec.structs import replace
 
 from artemis.mission.schema import Mission
-from artemis.mission.tree import MissionTree, checks_of, mission_tree
+from artemis.mission.tree import MissionTree, mission_tree, written
 from artemis.mission.word_checks import WordChecks
+from artemis.plugins.registry import declarations
 from artemis.progress import Acted, MissionEvent, Position
 from artemis.states.advance import MissionFacts, advance
 from artemis.states.outcomes import StepFacts
+from artemis.states.outline import behaviours_in
 from artemis.yaml_file import dotted
 
 DT = 0.02
@@ -35,8 +37,8 @@ def built(*steps: Mapping[str, Any]) -> MissionTree:
 def checked(*steps: Mapping[str, Any], **facts: bool) -> WordChecks:
     """What its words say; `facts` that differ from those of a robot that has everything."""
     mission = mission_of(*steps)
-    behaviours = checks_of(mission).facts.behaviours
-    return checks_of(mission, StepFacts(behaviours=behaviours, **facts))
+    given = written(mission)
+    return WordChecks(given, mission.inputs, StepFacts(behaviours=declarations(behaviours_in(given)), **facts))
 
 
 def problems(*steps: Mapping[str, Any], **facts: bool) -> list[str]:

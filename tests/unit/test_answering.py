@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from core_builders import TRACTION
 from live_core import Live
 
 from artemis.commands.answering import READING, Answering
@@ -94,6 +95,26 @@ def test_an_answer_before_the_first_question_is_ignored_and_an_operators_script_
         terminal.tick(typed)
     assert terminal.live.ticks[-1].position.answer == ""
     assert terminal.tick("left").position.answer == "left"
+
+
+@pytest.mark.parametrize("fault", [False, True])
+def test_an_answer_while_the_robot_is_stopped_is_ignored_and_this_is_reported(fault: bool) -> None:
+    terminal = Typing()
+    while terminal.live.ticks[-1].position.done < 0.5:
+        terminal.tick()
+    if fault:
+        terminal.live.drives.changes[TRACTION[0]] = {"boots": 1}
+        terminal.tick()
+        terminal.live.drives.changes[TRACTION[0]] = {}
+    else:
+        terminal.live.tick(requests=(Request.QUICKSTOP,), attended=True)
+    terminal.wait(0.5)
+    assert terminal.press("1") == ["answer 1 is ignored: the mission does not run now"]
+    assert terminal.live.ticks[-1].mode is (Mode.FAULT if fault else Mode.QUICKSTOP)
+    (event,) = terminal.tick("left").events
+    assert event.text == "left is ignored: the mission does not run now"
+    assert terminal.live.ticks[-1].position.answer == ""
+    assert terminal.tick().events == ()
 
 
 def test_a_question_is_answered_after_a_stop_too() -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_map_readings import mounted, scan_of, tick
+from test_map_readings import mounted, robot_with, scan_of, tick
 
 from artemis.calibration.scanner_drive import ScannerDrive, scanner_drive
 from artemis.calibration.scanner_fit import fit_mounting
@@ -87,7 +87,7 @@ def looked_around(mirrored: bool) -> ScannerDrive:
         beams = -ANGLES if mirrored else ANGLES
         scan = scan_of(seen(OFFICE, compose(pose, place), beams), 0.1 * number)
         ticks.append(tick(0.1 * number, pose, scan))
-    return scanner_drive(ticks, "front", mounted())
+    return scanner_drive(ticks, robot_with("front"), "front")
 
 
 @pytest.mark.sampled(2)
@@ -103,7 +103,7 @@ def test_a_scanner_is_followed_by_its_scans_alone_whichever_way_up_it_is(mirrore
 def test_a_robot_that_stands_shows_nothing() -> None:
     ticks = [tick(0.1 * k, np.zeros(3), scan_of(seen(OFFICE, np.zeros(3)), 0.1 * k)) for k in range(30)]
     with pytest.raises(CalibrationError, match="front: 1 scans while the robot moved"):
-        scanner_drive(ticks, "front", mounted())
+        scanner_drive(ticks, robot_with("front"), "front")
 
 
 def test_old_and_new_values_are_told_and_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -127,6 +127,15 @@ def test_a_missing_package_is_a_failure_and_a_missing_extra_a_note(monkeypatch: 
     assert len(found) == 4  # and artemis itself
 
 
+def test_what_takes_longer_without_the_extra_slam_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor, "requires", lambda name: ['not-there>=1; extra == "slam"'])
+    _, found = doctor._software(everything=False)
+    assert found.grade is NOTE
+    assert found.what.startswith("extra slam is not installed: mapping takes ")
+    assert "planning a route" in found.what
+    assert found.remedy == "pip install 'artemis-robot[slam]'"
+
+
 def test_a_full_disk_is_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Disk, "free", lambda self, folder: 1000)
     (found,) = doctor._disk(None, None)

@@ -138,6 +138,18 @@ def test_what_hidraw_shows_is_left_to_it_but_for_its_motors(tmp_path: Path) -> N
     assert motors_of(HidInfo("/dev/hidraw4", "usb", 1, 2, "", "", 0), tmp_path) is None
 
 
+def test_of_nodes_with_lamps_and_with_motors_that_with_motors_is_taken(tmp_path: Path) -> None:
+    computer, info = FakeEvdev(tmp_path), HidInfo("/dev/hidraw3", "usb", 1, 2, "", "", 0)
+    lamps = computer.plug(EventDevice(hidraw="hidraw3", lamps=(0, 1)))
+    found = motors_of(info, tmp_path)
+    assert found is not None
+    assert found.info.path == lamps
+    motors = [computer.plug(EventDevice(hidraw="hidraw3", forces=(0x50,))) for _ in range(2)]
+    found = motors_of(info, tmp_path)
+    assert found is not None
+    assert found.info.path == motors[0]
+
+
 def test_a_node_that_goes_while_it_is_looked_at_is_left_out(tmp_path: Path) -> None:
     path = FakeEvdev(tmp_path).plug(EventDevice())
     (tmp_path / "class" / "input" / Path(path).name / "device" / "uniq").unlink()

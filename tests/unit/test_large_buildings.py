@@ -25,10 +25,10 @@ def chain(steps: list[Array], untold: list[Array], share: float) -> tuple[Drift,
     keys, graph = KeyScans(), PoseGraph()
     drift = Drift(SETTINGS, keys, graph)
     drift.share = share
-    keys.append(POINTS, np.zeros(3))
+    keys.append(POINTS, np.zeros(3), np.zeros(2))
     drift.add(-1, np.zeros(2))
     for number, (step, unknown) in enumerate(zip(steps, untold, strict=True)):
-        keys.append(POINTS, compose(keys.poses[number], step))
+        keys.append(POINTS, compose(keys.poses[number], step), np.zeros(2))
         graph.add(Link(number, number + 1, step, INFORMATION, False))
         drift.add(number, unknown)
     return drift, keys, graph
@@ -80,7 +80,7 @@ def test_a_loop_ends_the_drift_of_all_that_lies_beside_it() -> None:
 
 def test_a_place_to_which_no_way_leads_may_be_anywhere_near() -> None:
     drift, keys, _ = chain(ALONG[:3], [np.zeros(2)] * 3, 0.1)
-    keys.append(POINTS, np.zeros(3))
+    keys.append(POINTS, np.zeros(3), np.zeros(2))
     drift.add(-1, np.zeros(2))
     assert np.isinf(drift.seen_from_newest(3).most).all()
 
@@ -137,7 +137,7 @@ def test_a_place_is_found_six_metres_off_in_a_window_of_all_places_or_not_at_all
     for visit in range(2):
         for pose in true[: len(true) if visit == 0 else 53]:
             off = np.array([5.0 * visit, -3.5 * visit, 0.0])
-            keys.append(scan(world, pose, 0.01, dice), compose(off, pose))
+            keys.append(scan(world, pose, 0.01, dice), compose(off, pose), np.zeros(2))
     none = np.zeros(len(true))
     sure = Drifts(np.tile(np.diag([9.0, 9.0]), (len(true), 1, 1)), none, none)
     wide = WideLoops(settings, keys, LikelihoodGrid(settings))

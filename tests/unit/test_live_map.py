@@ -7,10 +7,11 @@ import re
 import shutil
 from contextlib import suppress
 from pathlib import Path
+from threading import Event
 
 import numpy as np
 import pytest
-from test_map_readings import mounted, scan_of, tick
+from test_map_readings import robot_with, scan_of, tick
 
 from artemis.errors import ConfigError
 from artemis.localisation.scan_localizer import LocalizerSettings, PlaceSearch, ScanLocalizer
@@ -49,7 +50,7 @@ def ticks() -> list[Tick]:
 
 
 def live(folder: Path, said: list[str], *, threaded: bool, resolution: float = 0.05) -> LiveMap:
-    readings = ScanReadings(SETTINGS, "front", mounted())
+    readings = ScanReadings(SETTINGS, robot_with("front"), "front")
     return LiveMap(readings, {folder / "map.yaml": resolution}, said.append, threaded=threaded)
 
 
@@ -106,6 +107,26 @@ def test_whoever_watches_is_shown_the_map_as_it_grows_and_it_stays_the_same(
     driven_with(alone, ticks)
     for folder in (watched, beside_it):
         assert (folder / "map.graph").read_bytes() == (tmp_path / "map.graph").read_bytes()
+
+
+def test_where_loops_take_long_only_one_picture_of_the_map_waits_for_them(
+    tmp_path: Path, ticks: list[Tick], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live_map, "SHOWN_EVERY", 1.0)
+    making, gate = live(tmp_path, [], threaded=True), Event()
+    making.shown()
+
+    def held() -> None:
+        assert gate.wait(60.0)
+
+    making._closing.order(held)
+    for each in ticks:
+        making.see(each, [], 0.0)
+    drawn = [action for action, _ in making._closing._orders if action == making._show]
+    gate.set()
+    making.close()
+    assert len(drawn) == 1
+    assert making.shown() is not None
 
 
 def test_the_map_that_a_mission_is_localised_on_is_known() -> None:
@@ -186,14 +207,16 @@ def test_nothing_is_compiled_while_the_robot_is_followed_and_looked_for(monkeypa
     monkeypatch.setattr(kernels, "LOOPS", then)
     points = scan(OFFICE, ROUND[0])
     grown = np.concatenate([points] * 4)
-    known = ScanMap.of_cells(occupancy([points], ROUND[:1], 0.05), SETTINGS)
+    keys = KeyScans()
+    keys.append(points, ROUND[0], np.zeros(2))
+    known = ScanMap.of_cells(occupancy(keys), SETTINGS)
     localizer = ScanLocalizer(known, LocalizerSettings(gather_scans=1), ROUND[0], (0.3, 0.2))
     localizer.update(points, ROUND[0])
     localizer.update(points, compose(ROUND[0], [0.1, 0.0, 0.0]))
     localizer.look(PlaceSearch(points=grown, at=ROUND[0], since=0))
     keys = KeyScans()
     for pose in ROUND[:40]:
-        keys.append(points, pose)
+        keys.append(points, pose, np.zeros(2))
     sure = Drifts(np.tile(np.eye(2), (25, 1, 1)), np.ones(25), np.ones(25))
     WideLoops(SETTINGS, keys, LikelihoodGrid(SETTINGS)).find(2.0, 0.1, sure)
     assert {"search", "refine", "raise_levels"} <= {each[0] for each in then.called}

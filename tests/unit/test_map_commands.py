@@ -115,11 +115,11 @@ def test_a_map_is_gone_on_with(log: Path, tmp_path: Path) -> None:
     assert again.with_suffix(".graph").read_bytes() == more.with_suffix(".graph").read_bytes()
 
 
-def test_a_map_is_not_gone_on_with_from_elsewhere(log: Path, tmp_path: Path) -> None:
+def test_a_map_is_not_continued_from_elsewhere(log: Path, tmp_path: Path) -> None:
     begun, other = tmp_path / "begun.yaml", tmp_path / "other.yaml"
     call("build", log, "-o", begun)
     tent = walls([(-2, -1), (7, -2), (3, 4), (-2, -1)])
     elsewhere = written(tmp_path / "e.clf", driven([(0, 0), (3, 0)], 0.25), 1.0, tent)
-    assert "is nowhere found on" in refused("build", elsewhere, "--continue", begun, "-o", other)
+    assert "its first scans fit nowhere on" in refused("build", elsewhere, "--continue", begun, "-o", other)
     begun.with_suffix(".graph").unlink()
-    assert "gone on with from its graph" in refused("build", log, "--continue", begun, "-o", other)
+    assert "continued from its graph" in refused("build", log, "--continue", begun, "-o", other)

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from artemis.errors import ConfigError
 from artemis.mapping.graph_file import MapGraph, read_graph
+from artemis.mapping.key_scans import KeyScans
 from artemis.mapping.map_file import map_files, read_map, read_pgm, write_bytes
 from artemis.mapping.mapper import Mapper
 from artemis.mapping.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap, occupancy
@@ -144,7 +145,7 @@ def test_a_graph_is_kept_with_its_map(tmp_path: Path) -> None:
     assert again.graph.links.keys() == mapper.graph.links.keys()
     assert np.array_equal(again.trajectory, kept.trajectory)
     assert again.packed() == path.read_bytes()
-    made, remade = (occupancy(each.points, each.poses) for each in (mapper.keys, again.keys))
+    made, remade = (occupancy(each) for each in (mapper.keys, again.keys))
     assert (made.cells != remade.cells).mean() < 1e-3
     assert OCCUPIED in made.cells
     again.turned(0.5)
@@ -156,7 +157,8 @@ def test_a_graph_is_kept_with_its_map(tmp_path: Path) -> None:
 
 
 def test_a_map_of_nothing_is_refused() -> None:
-    with pytest.raises(ValueError, match="no scan has a point"):
-        occupancy([np.empty((0, 4))], np.zeros((1, 3)))
-    with pytest.raises(ValueError, match="choose larger"):
-        occupancy([np.array([[1e5, 1e5]])], np.zeros((1, 3)))
+    for points, problem in ((np.empty((0, 4)), "no scan has a point"), (np.full((1, 4), 1e5), "choose larger")):
+        keys = KeyScans()
+        keys.append(points, np.zeros(3), np.zeros(2))
+        with pytest.raises(ValueError, match=problem):
+            occupancy(keys)

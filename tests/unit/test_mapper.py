@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from artemis.mapping.carmen import read_carmen
 from artemis.mapping.laser import Reading, surface_points
 from artemis.mapping.mapper import Mapper
 from artemis.mapping.se2 import Array, between, compose
-from artemis_lab.bench.laser_worlds import ANGLES, OFFICE, SETTINGS, box, driven, odometry, readings, seen, walls
+from artemis_lab.bench.laser_worlds import ANGLES, OFFICE, SETTINGS, box, driven, odometry, readings, scan, seen, walls
 
 ROUND = driven([(-2, -3), (0, -3), (0, 1), (-5, 1), (-5, -1), (-2, 1.0), (0, 1), (0, -3), (-2, -3)], step=0.25)
 
@@ -81,8 +82,50 @@ def test_standing_still_costs_no_memory() -> None:
     poses = np.repeat(ROUND[:1], 300, axis=0)
     mapper = mapped(readings(OFFICE, poses, np.zeros((300, 3))))
     assert len(mapper.keys) == 1
-    assert len(mapper._tracker.stations.points) == 1
+    assert len(mapper._tracker.stations.keys) == 1
     assert len(mapper.trajectory()[0]) == 300
+
+
+def kept_of(step: float, metres: float) -> int:
+    """Bytes that mapping keeps of a straight drive with a scan every so many metres, its loops not looked for."""
+    poses = driven([(-5.0, 0.0), (-5.0 + metres, 0.0)], step)
+    counted = odometry(poses, [1.0] * (len(poses) - 1))
+    mapper = Mapper(replace(SETTINGS, cells=512, farthest=8.0), later=lambda work, key: work(key))
+    tracemalloc.start()
+    begin = 0
+    for number, (pose, wheels) in enumerate(zip(poses, counted, strict=True)):
+        mapper.add(Reading(time=0.02 * number, odometry=wheels, points=scan(OFFICE, pose)))
+        if number == len(poses) // 4:  # tables grow in leaps at first
+            begin = tracemalloc.get_traced_memory()[0]
+    kept = tracemalloc.get_traced_memory()[0] - begin
+    tracemalloc.stop()
+    return kept
+
+
+def test_memory_grows_with_the_metres_not_with_the_scans() -> None:
+    """At 50 scans a second and 0.5 m/s: 100 scans a metre of 180 beams, 5.8 kB each as they come."""
+    metres = 3.0
+    slow, fast = kept_of(0.02, metres), kept_of(0.01, metres)
+    assert fast < 0.75 * metres * 100_000
+    assert fast < 1.2 * slow
+
+
+def test_a_scan_costs_the_same_after_a_long_drive() -> None:
+    """Of two hours of odometry at 50 Hz nothing is copied when a scan is added: counted in bytes, at the peak."""
+    peaks = []
+    for before in (0, 360_000):
+        mapper = Mapper(replace(SETTINGS, cells=512, farthest=8.0))
+        for number, x in enumerate((-2.0, -1.9)):
+            pose = np.array([x, 0.0, 0.0])
+            reading = Reading(time=0.02 * number, odometry=pose, points=scan(OFFICE, pose))
+            if number:
+                for _ in range(before):
+                    mapper.add(Reading(time=0.0, odometry=pose))
+                tracemalloc.start()
+            mapper.add(reading)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] < peaks[0] + 100_000
 
 
 def test_a_scan_that_sees_nothing_leaves_it_to_the_odometry(drifting: list[Reading]) -> None:

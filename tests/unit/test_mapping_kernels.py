@@ -100,7 +100,7 @@ def test_what_is_out_of_range_is_no_point_and_lines_have_normals() -> None:
 
 def test_rays_pass_and_end() -> None:
     ends, passes = np.zeros((40, 40), np.int32), np.zeros((40, 40), np.int32)
-    kernels_numpy.count_rays(ends, passes, np.array([[1.0, 0.0]]), np.array([0.025, 0.025, np.pi / 2]), 20, -0.5, -0.5)
+    kernels_numpy.count_rays(ends, passes, np.array([[0.025, 1.025]]), np.array([0.025, 0.025]), 20, -0.5, -0.5)
     assert ends[30, 10] == 1
     assert ends.sum() == 1
     assert passes[10:30, 10].tolist() == [1] * 20
@@ -142,7 +142,7 @@ def everything(module: ModuleType) -> list[np.ndarray]:
     )
     found += [np.array([score, x, y, heading]), np.asarray(told)]
     ends, passes = np.zeros((500, 500), np.int32), np.zeros((500, 500), np.int32)
-    module.count_rays(ends, passes, other, true, 20.0, -12.0, -12.0)
+    module.count_rays(ends, passes, points[:count, :2].copy(), true, 20.0, -12.0, -12.0)
     found += [ends, passes]
     module.wipe(field, fine, coarse, points, count, blot.shape[2] // 2, 20.0)
     assert not field.any()

@@ -25,7 +25,7 @@ from artemis.states.steering import (
     START,
     TURN_IT,
     _accepts,
-    _check_somebody,
+    _check_operator,
     _judged,
     _release,
     _told,
@@ -227,9 +227,9 @@ def test_what_could_be_read_for_half_a_second_is_accepted(after: float, accepts:
 
 
 def test_an_operator_may_come_at_the_last_moment() -> None:
-    _check_somebody(snapshot(2.0 + PATIENCE), 2.0, "")
+    _check_operator(snapshot(2.0 + PATIENCE), 2.0, "")
     with pytest.raises(Failed):
-        _check_somebody(snapshot(2.0 + PATIENCE + 1e-9), 2.0, "")
+        _check_operator(snapshot(2.0 + PATIENCE + 1e-9), 2.0, "")
 
 
 def test_other_keys_accept_nothing() -> None:

@@ -120,7 +120,10 @@ def test_a_step_of_a_behaviour_is_made_with_its_keys_and_files(tmp_path: Path) -
         ({"watch-gas": {"table_file": "no.csv"}}, "steps[1].watch-gas.table_file: file not found: no.csv"),
         ({"broken": {}}, "steps[1].broken: artemis.behaviours: plugin 'broken' of "),
         ({"approach": {"at_most_m": 1.0}}, "steps[1].approach.until: this key is missing"),
-        ({"approach": {"until": "x > 1", "at_most_m": 1}}, "steps[1].approach.until: unknown signal 'x'"),
+        (
+            {"approach": {"until": "x > 1", "at_most_m": 1}},
+            "steps[1].approach.until: condition 'x > 1': unknown signal 'x'",
+        ),
         ({"approach": {"until": 3, "at_most_m": 1}}, "steps[1].approach.until: expected text, found 3"),
         (
             {"approach": {"until": "run_s > 1", "at_most_m": 1, "speed_m_s": 9}},

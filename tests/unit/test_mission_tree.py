@@ -21,7 +21,7 @@ SAY = {"say": "x"}
 ELSE = {"steps": [WAIT]}
 ENDLESS = {"repeat": {"steps": [WAIT]}}
 MISSIONS = Path(__file__).parents[2] / "missions"
-NO_TIME = "no time passes in it on some way through"
+NO_TIME = "no time passes in it on some way through: add a step that takes time, or a last branch without `if`"
 
 
 @pytest.mark.parametrize(
@@ -68,8 +68,11 @@ NO_TIME = "no time passes in it on some way through"
             [{"during": {"steps": [WAIT], "when": [{"if": "run_s > 1", "then": "fault"}]}}],
             "fault is no outcome of your own",
         ),
-        ([{"wait": {"for": "rum_s > 1"}}], "steps[0].wait.for: unknown signal 'rum_s'"),
-        ([{"wait": {"for": "round > 1"}}], "unknown signal 'round'"),
+        (
+            [{"wait": {"for": "rum_s > 1"}}],
+            "steps[0].wait.for: condition 'rum_s > 1': unknown signal 'rum_s'; nearest is 'run_s', there are run_s, ",
+        ),
+        ([{"wait": {"for": "round > 1"}}], "'round > 1': unknown signal 'round'; it exists only inside `repeat`"),
         ([{"wait": {"for": "answer == 'a'"}}], "unknown signal 'answer'"),
         ([ASK, {"wait": {"for": "answer == 'b'"}}], "answer is never 'b'"),
         ([{"wait": {"for": "stik.done"}}], "unknown signal 'stik.done'; nearest is 'stick.done'"),
@@ -161,6 +164,29 @@ def test_an_outcome_that_the_step_does_not_have_as_it_is_written_is_refused_with
     assert problem.endswith("ends with no-path: its goals come from an input, and it waits for another one")
     (problem,) = problems({"try": {"steps": [{"wait": {"for": "stick.done"}}], "catch": {"timeout": [SAY]}}})
     assert problem.endswith("ends with timeout: only `at_most_s` of `wait: {for: ...}` or `ask` ends a step so")
+
+
+@pytest.mark.parametrize(
+    ("then", "hint"), [("resumes", "; did you mean resume?"), ("restrat", "; did you mean restart?"), ("stop", "")]
+)
+def test_an_outcome_of_its_own_that_no_try_catches_is_a_remark(then: str, hint: str) -> None:
+    during = {"during": {"steps": [WAIT], "when": [{"if": "run_s > 1", "then": then}]}}
+    words = f"no `try` catches {then}: it ends the mission as failed{hint}"
+    assert checked(during).remarks == [f"steps[0].during.when[0].then: {words}"]
+    ended = {"during": {"at_most_s": 5, "steps": [during]}}
+    assert checked(ended).remarks == [f"steps[0].during.steps[0].during.when[0].then: {words}"]
+    catching: dict[str, Any] = {"steps": [ended], "catch": {then: [SAY]}}
+    assert checked({"try": catching}).remarks == []
+    assert checked({"try": {**catching, "catch": {"any": [SAY]}}}).remarks == []
+    other = {"try": {**catching, "catch": {"timeout": [SAY]}}}
+    assert checked(other).remarks == [f"steps[0].try.steps[0].during.steps[0].during.when[0].then: {words}"]
+    own_branch = {"try": {"steps": [during], "catch": {then: [during]}}}
+    assert checked(own_branch).remarks == [f"steps[0].try.catch.{then}[0].during.when[0].then: {words}"]
+
+
+def test_one_that_leads_on_or_that_cannot_happen_is_none() -> None:
+    for watch in ({"then": "restart"}, {"steps": [WAIT]}, {"steps": [{"end": {}}], "then": "low"}):
+        assert checked({"during": {"steps": [WAIT], "when": [{"if": "run_s > 1", **watch}]}}).remarks == []
 
 
 def test_any_for_which_nothing_is_left_is_a_remark() -> None:
@@ -315,6 +341,16 @@ def test_parts_that_double_each_other_do_not_fill_the_memory(tmp_path: Path) -> 
         ("{say: x, wait: {seconds: 1}}", "a step has exactly one key"),
         ("{repeat: {steps: [{stop: {}}]}}", "ends the mission: it can only be the last step"),
         ("{repeat: {steps: [{follow: {path: a.csv, follower: {}}}]}}", "calibrate first"),
+        (
+            "{choose: [{if: run_s > 1, steps: [{say: x}], else: [{say: y}]}]}",
+            "choose[0].else: unknown key; write a last branch without `if`",
+        ),
+        (
+            "{choose: [{if: run_s > 1, steps: [{say: x}]}], else: [{say: y}]}",
+            "steps[0].else: unknown key; write a last branch without `if`",
+        ),
+        ("{goto: charger}", "steps[0].goto: expected a mapping, found 'charger': write {map: FILE, to: charger}"),
+        ("{goto: [charger]}", "steps[0].goto: expected a mapping, found a list of 1"),
     ],
 )
 def test_what_a_word_cannot_take_is_refused(tmp_path: Path, step: str, problem: str) -> None:
@@ -348,12 +384,37 @@ def test_what_is_wrong_with_a_step_does_not_hide_what_is_wrong_with_others(
     for problem in (
         "steps[2].try.again_on[0]: no fault DRV-255; did you mean DRV-25?",
         "steps[2].try.again_on[1]: no step within ends with nothing",
-        "steps[3].wait.for: run_s is a number, compared with >",
+        "steps[3].wait.for: condition 'run_s >> 1': run_s is a number, compared with >",
         "steps[4].choose[0]: without `if` it always holds",
         "steps[5].during.when[1].if: the same condition",
         "steps[6].repeat: no time passes",
     ):
         assert problem in found, found
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        "{wait: {seconds: -1}}",
+        "{repeat: {tims: 3, steps: [{wait: {for: run_s > 1}}]}}",
+        "{approach: {until: run_s > 1}}",
+        "{calibrate: {steering: from_nowhere}}",
+    ],
+)
+def test_what_is_wrong_with_a_step_does_not_hide_signals_that_are_unknown(tmp_path: Path, wrong: str) -> None:
+    during = "{during: {at_most_s: -3, steps: [{wait: {for: batery_v < 22}}], when: [{if: round > 2, then: low}]}}"
+    found = refused(tmp_path, f"steps: [{wrong}, {during}]\n")
+    for problem in (
+        "steps[1].during.at_most_s: expected more than 0, found -3",
+        "unknown signal 'batery_v'; nearest is 'battery_v'",
+        "unknown signal 'round'; it exists only inside `repeat`",
+    ):
+        assert problem in found, found
+
+
+@pytest.mark.parametrize("wrong", ["{ask: {question: a}}", "{wate: {seconds: 1}}", "{call: nowhere}"])
+def test_signals_that_a_step_which_cannot_be_read_may_have_are_not_called_unknown(tmp_path: Path, wrong: str) -> None:
+    assert "unknown signal" not in refused(tmp_path, f"steps: [{wrong}, {{wait: {{for: answer == 'a'}}}}]\n")
 
 
 def test_of_what_depends_on_a_step_that_cannot_be_read_nothing_is_said(tmp_path: Path) -> None:

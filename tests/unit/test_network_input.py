@@ -148,9 +148,9 @@ def test_a_port_in_use_or_a_foreign_address_is_refused_at_the_start(folder: Path
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        with pytest.raises(ConfigError, match=rf"remote: listen: 127.0.0.1 port {port}: Address already in use"):
+        with pytest.raises(ConfigError, match=rf"remote: 127.0.0.1, port {port}: Address already in use"):
             make(folder, port=port)
-    with pytest.raises(ConfigError, match=r"remote: listen: 192.0.2.1 port \d+: Cannot assign requested address"):
+    with pytest.raises(ConfigError, match=r"remote: 192.0.2.1, port \d+: Cannot assign requested address"):
         make(folder, listen="192.0.2.1")
 
 

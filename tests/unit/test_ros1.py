@@ -155,7 +155,7 @@ def test_two_nodes_of_one_name_at_one_master_are_refused(tmp_path: Path) -> None
         )
 
     write("node: artemis")
-    why = r"7:3: observers.ros.node: the node /artemis of ROS 1 is that of inputs.remote, too"
+    why = r"7:3: observers.ros.node: the node /artemis of ROS 1 is already used by inputs.remote"
     with pytest.raises(ConfigError, match=why):
         load_mission(mission)
     for keys in ("allow: []", "node: artemis, namespace: left", "node: artemis, master: 'http://robot:11311'"):

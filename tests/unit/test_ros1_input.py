@@ -21,6 +21,7 @@ pytest.importorskip("rosbags", reason="needs the extra ros: pip install 'artemis
 from artemis.bridges import answers
 from artemis.bridges.commands import Command, steered_command, twist_command
 from artemis.bridges.poses import GOAL_POSE, INITIAL_POSE, POSE_TYPES
+from artemis.bridges.received import Received
 from artemis.bridges.ros1.tcpros import framed
 from artemis.bridges.ros1.xmlrpc import call
 from artemis.bridges.ros_types import Ros1Types
@@ -29,6 +30,7 @@ from artemis.errors import DeviceLost
 from artemis.mission.loading import load_model
 from artemis.motion.ackermann import Ackermann
 from artemis.plugins.contracts import PluginContext
+from artemis.plugins.inputs import ros1
 from artemis.plugins.inputs.ros1 import Ros1Input, Ros1InputConfig
 from artemis.testing.contracts import InputContract
 from artemis.testing.observers import ObserverContract
@@ -72,8 +74,9 @@ Make = Callable[..., Device]
 
 
 @pytest.fixture
-def make(master: Master) -> Iterator[Make]:
+def make(master: Master, monkeypatch: pytest.MonkeyPatch) -> Iterator[Make]:
     inputs: list[Device] = []
+    monkeypatch.setattr(ros1, "stopwatch", lambda: 0.0)  # that this computer is busy is no hold-up
 
     def make(
         wake: Callable[[], None] = lambda: None,
@@ -102,11 +105,17 @@ def publisher(master: Master, topic: str = "/cmd_vel", type: str = TWIST, name: 
     return made
 
 
+def waits(device: Device) -> bool:
+    """Whether something is there to be taken."""
+    device._mailbox.absorb(received := device._mailbox.take())
+    return received != Received()
+
+
 def told(master: Master, device: Device, peer: Publisher, data: bytes, now: float) -> OperatorInput:
     """The sample after a message has arrived."""
     device.time = now
     peer.say(data)
-    master.until(lambda: not device._mailbox.is_empty)
+    master.until(lambda: waits(device))
     return device.read(now)
 
 
@@ -166,6 +175,18 @@ def test_of_two_publishers_the_first_that_drives_has_the_robot(master: Master, m
     assert told(master, device, other, twist(-0.3, 0.0), 1.14).speed == -0.3
 
 
+def test_a_second_publisher_does_not_take_the_robot_over_after_a_hold_up(make: Make) -> None:
+    device = make(enabled_by="command")
+    one, other = Command(0.3, moves=True, rests=False), Command(-0.3, moves=True, rests=False)
+    device._mailbox.command("/one", 1.0, one)
+    assert device.read_at(1.0).speed == 0.3
+    device._mailbox.command("/other", 1.198, other)
+    device._mailbox.command("/one", 1.2, one)
+    assert device.read_at(1.2).speed == 0.3
+    device._mailbox.command("/other", 1.38, other)
+    assert device.read_at(1.38).speed == -0.3, "the first is silent"
+
+
 def test_of_a_flood_the_newest_is_taken_now_and_then(master: Master, make: Make) -> None:
     device = make(enabled_by="command")
     subscription = device._thread.node.subscriptions["/cmd_vel"]  # type: ignore[union-attr]
@@ -196,11 +217,11 @@ def shown(sample: OperatorInput) -> Tick:
     return replace(tick, snapshot=replace(tick.snapshot, sensed=sensed))
 
 
-def called(master: Master, device: Device, name: str) -> tuple[bytes, OperatorInput]:
+def called(master: Master, device: Device, name: str, now: float = 1.0) -> tuple[bytes, OperatorInput]:
     """The response of a service, and the sample that took what it asks for."""
     asked = asyncio.run_coroutine_threadsafe(Peer(master).ask_later(name), master._loop)
-    master.until(lambda: not device._mailbox.is_empty)
-    sample = device.read(1.0)
+    master.until(lambda: waits(device))
+    sample = device.read(now)
     assert device.show(shown(sample)) == ""
     return asked.result(20.0)[1], sample
 
@@ -220,7 +241,7 @@ def test_a_stop_is_always_obeyed_and_the_rest_where_it_is_allowed(master: Master
     assert "error" in Peer(master).ask("/stop", "0" * 32)[0]
     peer = publisher(master, "/stop", "std_msgs/msg/Empty")
     peer.say(b"")
-    master.until(lambda: not device._mailbox.is_empty)
+    master.until(lambda: waits(device))
     assert device.read_at(1.2).requests == (Request.QUICKSTOP,)
     answer, sample = called(master, device, "/arm")
     assert (answer, sample.requests, len(woken)) == (trigger(True, "arm: requested"), (Request.ARM,), 2)
@@ -232,13 +253,13 @@ def test_a_service_answers_what_became_of_it(master: Master, make: Make, monkeyp
     device = make(allow=["arm"], ignored=lambda request, tick: f"{request.value} in {tick.mode.value}")
     assert called(master, device, "/arm")[0] == trigger(False, "arm: ignored, arm in follow")
     asked = asyncio.run_coroutine_threadsafe(Peer(master).ask_later("/arm"), master._loop)
-    master.until(lambda: not device._mailbox.is_empty)
+    master.until(lambda: waits(device))
     device.time += 0.4
     assert device.read(1.5).requests == ()
     words = "arm: 0.4 s old, without effect; ask again"
     assert (asked.result(20.0)[1], device.take_problems()) == (trigger(False, words), [("NET-04", words)])
     asked = asyncio.run_coroutine_threadsafe(Peer(master).ask_later("/arm"), master._loop)
-    master.until(lambda: not device._mailbox.is_empty)
+    master.until(lambda: waits(device))
     other = replace(device.read(2.0), requests=())  # the guard gave another sample in its place
     device.show(shown(other))
     words = "arm: ignored, the input is lost, or was sent what cannot be used"
@@ -274,6 +295,43 @@ def test_what_waited_while_the_run_was_held_up_is_as_old_as_it_is(master: Master
     assert device.take_problems() == [("NET-04", words) for words in told]
 
 
+def test_what_the_thread_reads_first_after_a_hold_up_has_waited_as_long(
+    master: Master, make: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    device, time = make(enabled_by="command", allow=["arm"]), [0.0]
+    monkeypatch.setattr(ros1, "stopwatch", lambda: time[0])
+    drive, arm, stop = (
+        publisher(master, topic, type)
+        for topic, type in (("/cmd_vel", TWIST), ("/arm", "std_msgs/msg/Empty"), ("/stop", "std_msgs/msg/Empty"))
+    )
+    time[0] += 1.8
+    held = told(master, device, drive, twist(0.3, 0.0), 1.8)
+    assert (held.speed, held.enabled) == (0.0, False)
+    assert told(master, device, arm, b"", 1.8).requests == ()
+    assert device.take_problems() == [("NET-04", "arm: 1.8 s old, without effect; ask again")]
+    assert called(master, device, "/arm", 1.8)[0] == trigger(False, "arm: 1.8 s old, without effect; ask again")
+    assert told(master, device, stop, b"", 1.8).requests == (Request.QUICKSTOP,)
+    device.take_problems()
+    time[0] += ros1.DRAIN
+    assert told(master, device, drive, twist(0.3, 0.0), 1.85).age == 0.0
+    assert told(master, device, arm, b"", 1.85).requests == (Request.ARM,)
+    time[0] += ros1.BEAT
+    assert told(master, device, arm, b"", 1.9).requests == (Request.ARM,)
+    assert device.take_problems() == []
+
+
+def test_a_hold_up_with_nothing_to_read_is_seen_all_the_same(
+    master: Master, make: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    device, time = make(allow=["arm"]), [0.0]
+    monkeypatch.setattr(ros1, "stopwatch", lambda: time[0])
+    arm = publisher(master, "/arm", "std_msgs/msg/Empty")
+    for _ in range(20):  # a second in which nothing is said
+        time[0] += ros1.BEAT
+        master.until(lambda: device._ran == time[0])
+    assert told(master, device, arm, b"", 1.0).requests == (Request.ARM,)
+
+
 @pytest.mark.parametrize(
     ("topic", "type", "data", "counts"),
     [
@@ -290,12 +348,12 @@ def test_what_a_publisher_has_kept_counts_only_where_it_has_just_come(
 
     def arrives() -> bool:
         """Whether what a publisher has kept has an effect; else there is a warning."""
-        master.until(lambda: not device._mailbox.is_empty)
+        master.until(lambda: waits(device))
         sample = device.read(device.time)
         device.time += 1.0
         problems = device.take_problems()
         effect = bool(sample.requests) or sample.enabled
-        words = f"{topic}: kept by {names[-1]} for whoever connects: without effect; ask again"
+        words = f"{topic}: latched message from {names[-1]} dropped; send it again"
         assert problems == ([] if effect else [("NET-04", words)])
         return effect
 
@@ -333,7 +391,7 @@ def test_goals_and_initial_poses_are_passed_on_once_where_they_are_allowed(maste
 
     def told(kind: str, *given: Any) -> OperatorInput:  # noqa: ANN401 (of a pose)
         peers[kind].say(placed(kind, now, *given))
-        master.until(lambda: not device._mailbox.is_empty)
+        master.until(lambda: waits(device))
         return device.read(1.0)
 
     assert told(GOAL_POSE).goal == Pose(x=1.5)

@@ -8,8 +8,10 @@ import os
 import signal
 import socket
 import subprocess
+import threading
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from multiprocessing import Pipe
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -22,9 +24,12 @@ pytest.importorskip("rosbags", reason="needs the extra ros2: pip install 'artemi
 pytest.importorskip("cyclonedds", reason="needs the extra ros2: pip install 'artemis-robot[ros2]'")
 
 from artemis.bridges import child_process, kept_process
-from artemis.bridges.ros2 import process
+from artemis.bridges.received import Received
+from artemis.bridges.ros2 import dds, process
+from artemis.bridges.ros2.parts import MESSAGE, READER, NodeState
 from artemis.bridges.ros2.settings import MOST_DOMAIN, check_ros2_name, unicast_ports
 from artemis.bridges.ros_types import STORES, Ros2Types
+from artemis.clock import stopwatch
 from artemis.errors import ConfigError, DeviceLost
 from artemis.mission.loading import load_mission, load_model
 from artemis.plugins.contracts import PluginContext
@@ -41,7 +46,7 @@ CONTRACT = ObserverContract()
 CONTRACT.duration = 10 * LONGEST
 TICKS = list(CONTRACT.ticks())
 ODOMETRY, TWIST, TF = "nav_msgs/msg/Odometry", "geometry_msgs/msg/Twist", "tf2_msgs/msg/TFMessage"
-BOOL, EMPTY = "std_msgs/msg/Bool", "std_msgs/msg/Empty"
+BOOL, EMPTY, POSE = "std_msgs/msg/Bool", "std_msgs/msg/Empty", "geometry_msgs/msg/PoseStamped"
 BACK = 2.0
 """So long after it was killed it is heard again at the latest [s]."""
 
@@ -86,15 +91,25 @@ def program(domain: int, closing: ExitStack, *heard: tuple[str, str]) -> Program
 
 
 class Device(Ros2Input):
-    """One whose clock the test sets."""
+    """One whose clock the test sets: seconds since the newest arrival that was waited for."""
 
     def __init__(self, config: Ros2InputConfig, context: PluginContext) -> None:
         self.time = 0.0
-        super().__init__(config, context, lambda: self.time)
+        super().__init__(config, context, lambda: self._node.arrived + self.time)
 
     def read_at(self, time: float) -> OperatorInput:
         self.time = time
         return self.read(time)
+
+
+def await_arrival(device: Device) -> None:
+    """Wait until something is there to be taken."""
+
+    def waits() -> bool:
+        device._mailbox.absorb(received := device._mailbox.take())
+        return received != Received()
+
+    until(waits)
 
 
 Make = Callable[..., Device]
@@ -347,9 +362,9 @@ def test_the_process_ends_with_the_run(domain: int, closing: ExitStack) -> None:
 
 
 def sample(device: Device) -> OperatorInput:
-    """The one after something has arrived."""
-    until(lambda: not device._mailbox.is_empty)
-    return device.read_at(device.time)
+    """The one at which something has just arrived."""
+    await_arrival(device)
+    return device.read_at(0.0)
 
 
 @pytest.mark.parametrize("reliable", [True, pytest.param(False, marks=pytest.mark.exhaustive)])
@@ -383,17 +398,84 @@ def test_a_stop_is_always_obeyed_and_the_rest_where_it_is_allowed(domain: int, c
     assert sample(device).buttons == (True,)
 
 
+def test_what_waited_for_a_run_that_was_held_up_is_as_old_as_it_is(
+    domain: int, closing: ExitStack, make: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    device, other = make(enabled_by="command", allow=["arm", "goal_pose"]), program(domain, closing)
+    topics = (("/cmd_vel", TWIST), ("/arm", EMPTY), ("/goal_pose", POSE), ("/stop", EMPTY))
+    for topic, type in topics:
+        other.has(topic, type)
+    other.begin()
+    until(lambda: all(other.meets(topic) for topic, _ in topics))
+    waiting, end, hear = list[bytes](), threading.Event(), device._node._hear
+
+    def held(block: bytes) -> str:
+        """The thread stands still from the first message on."""
+        if block.startswith(MESSAGE):
+            waiting.append(block)
+            assert end.wait(LONGEST)
+        return hear(block)
+
+    monkeypatch.setattr(device._node, "_hear", held)
+    other.say("/cmd_vel", linear={"x": 0.3})
+    other.say("/arm")
+    other.say("/goal_pose", header={"frame_id": "map"}, pose={"orientation": {"w": 1.0}})
+    other.say("/stop")
+    until(lambda: waiting)
+    begun = stopwatch()
+    device._clock = lambda: begun + 1.8
+    end.set()
+    until(lambda: len(waiting) >= 5)  # a stop comes twice
+    until(lambda: len(device._mailbox._asked) == 2 and device._mailbox._received.poses and device._mailbox._commands)
+    taken = device.read(0.0)
+    assert (taken.requests, taken.goal, taken.speed, taken.enabled) == ((Request.QUICKSTOP,), None, 0.0, False)
+    assert {words.partition(":")[0] for _, words in device.take_problems()} == {"arm", "goal_pose"}
+
+
+def test_what_dds_kept_while_its_process_could_not_send_is_as_old_as_it_may_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    time, ended, sent = [100.0], threading.Event(), list[float]()
+    monkeypatch.setattr(dds, "stopwatch", lambda: time[0])
+
+    class Node:
+        """One that has a message at each look."""
+
+        readers = (None,)
+
+        def __init__(self) -> None:
+            self.waiting = self
+
+        def wait(self, longest: int) -> None:
+            time[0] += 0.01
+
+        def state(self) -> NodeState:
+            return NodeState([], [], [], 0)
+
+        def take(self, number: int) -> list[tuple[int, bytes]]:
+            return [(1, b"")]
+
+    def send(block: bytes) -> None:
+        """The third message waits until there is room."""
+        if block.startswith(MESSAGE):
+            sent.append(READER.unpack_from(block, 1)[2])
+            time[0] += 1.8 if len(sent) == 3 else 0.0
+            if len(sent) == 5:
+                ended.set()
+
+    dds._serve(Node(), send, ended)  # type: ignore[arg-type]
+    assert sent == pytest.approx([100.01, 100.02, 100.03, 100.03, 101.85])
+
+
 def test_a_goal_is_passed_on_once(domain: int, closing: ExitStack, make: Make) -> None:
     device, other = make(allow=["goal_pose"]), program(domain, closing)
-    other.has("/goal_pose", "geometry_msgs/msg/PoseStamped")
+    other.has("/goal_pose", POSE)
     other.begin()
     until(lambda: other.meets("/goal_pose"))
     pose = {"position": {"x": 1.5}, "orientation": {"w": 1.0}}
     other.say("/goal_pose", header={"frame_id": "map"}, pose=pose)
-    until(lambda: not device._mailbox.is_empty)
+    await_arrival(device)
     assert (device.read_at(0.0).goal, device.read_at(0.02).goal) == (Pose(x=1.5), None)
     other.say("/goal_pose", header={"frame_id": "base_link"}, pose=pose)
-    until(lambda: not device._mailbox.is_empty)
+    await_arrival(device)
     assert device.read_at(0.04).goal is None
     assert device.take_problems() == [("NET-14", "goal_pose: it is in the frame 'base_link', and map is needed")]
 
@@ -431,7 +513,7 @@ def test_without_its_process_an_input_is_lost(make: Make, monkeypatch: pytest.Mo
     assert not device.read_at(1.0).enabled
     with pytest.raises(DeviceLost, match="its process: killed by SIGKILL"):
         device.read_at(5.0)
-    device._mailbox.ask(Request.QUICKSTOP, device.time)
+    device._mailbox.ask(Request.QUICKSTOP, 0.0)
     assert device.read_at(5.1).requests == (Request.QUICKSTOP,)
 
 
@@ -444,6 +526,23 @@ def test_a_process_that_cannot_be_started_is_told(make: Make, monkeypatch: pytes
     until(lambda: device._node.problem)
     with pytest.raises(DeviceLost, match="its process cannot be started: Resource temporarily unavailable"):
         device.read_at(5.0)
+
+
+def test_a_process_for_which_there_are_no_more_files_is_tried_again(
+    make: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full() -> None:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    monkeypatch.setattr(kept_process, "Pipe", full)
+    device = make()
+    until(lambda: device._node.problem)
+    assert device._node.problem == "its process cannot be started: Too many open files"
+    monkeypatch.setattr(kept_process, "Pipe", Pipe)
+    until(lambda: device._node.state.senders)
+    rows, words = zip(*device.take_problems(), strict=True)
+    assert set(rows) == {"NET-13"}
+    assert words[0] == "its process cannot be started: Too many open files; it is started again"
 
 
 def test_of_a_flood_the_newest_is_passed_on_now_and_then(domain: int, closing: ExitStack, make: Make) -> None:

@@ -167,7 +167,7 @@ class Run:
     def settled(self, client: Client) -> Client:
         """A client that has been connected for long enough."""
         pause = threading.Event()
-        while "perhaps kept" in (told := client.ask("/arm")["values"])["message"]:
+        while "may be an old" in (told := client.ask("/arm")["values"])["message"]:
             pause.wait(0.02)
         assert told == {"success": False, "message": "arm: ignored, the drives are armed"}
         return client
@@ -319,7 +319,7 @@ def test_an_input_and_an_observer_at_one_port_are_refused(tmp_path: Path) -> Non
     mission = tmp_path / "mission.yaml"
     text = MISSION.replace("inputs: 9191, port: 9190", "port: 9191")
     mission.write_text(text.replace("INPUT", "0.0.0.0"))
-    with pytest.raises(ConfigError, match=r"8:\d+: observers.web.port: port 9191 is that of inputs.remote, too"):
+    with pytest.raises(ConfigError, match=r"8:\d+: observers.web.port: port 9191 is already used by inputs.remote"):
         load_mission(mission)
     mission.write_text(text.replace("INPUT", "127.0.0.2"))
     assert load_mission(mission), "the same number at another address is another port"
@@ -343,7 +343,7 @@ def test_a_client_drives_and_stops_and_asks_for_what_is_allowed(run: Run, throug
     assert client.ask("/stop")["values"] == {"success": True, "message": "stop: requested"}
     assert woken == [True]
     client.say(op="publish", topic="/done", msg={})
-    assert "perhaps kept for that: without effect" in client.hear()["msg"]
+    assert "may be an old queued message; send it again" in client.hear()["msg"]
     run.settled(client)
     client.say(op="advertise", topic="/cmd_vel", type="geometry_msgs/Twist")
     client.say(op="publish", topic="/cmd_vel", msg={"linear": {"x": 2.0}})
@@ -470,6 +470,14 @@ def test_so_many_clients_at_most(run: Run, monkeypatch: pytest.MonkeyPatch) -> N
     run.client(observer).ask("/rosapi/topics")
     with pytest.raises(ConnectionClosed, match="1 clients are the most"):
         run.client(observer).ask("/rosapi/topics")
+
+
+def test_who_only_watches_an_observer_keeps_nobody_from_stopping_the_robot(run: Run) -> None:
+    device = run.input()
+    observer = run.observer(inputs=device.port)
+    watching = [run.client(observer) for _ in range(server.MOST_CLIENTS)]
+    assert all(each.ask("/stop")["values"]["success"] for each in watching), "they are connected to the input, too"
+    assert run.client(device).ask("/stop")["values"]["success"]
 
 
 def test_connections_that_say_nothing_are_so_many_at_most(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -156,7 +156,7 @@ def test_a_service_answers_later() -> None:
 
 def test_what_a_client_says_as_soon_as_it_has_connected_may_have_waited_for_that() -> None:
     desk, at = Desk(), CONNECTED + 0.25
-    why = "said 0.25 s after client 1 connected, and perhaps kept for that"
+    why = "dropped: sent 0.25 s after client 1 connected, may be an old queued message"
     assert desk.errors(at=at, op="publish", topic="/other", msg={}) == [f"other: {why}"]
     desk.say(at=at, op="call_service", service="/arm")
     assert [each["values"] for each in desk.told()] == [{"success": False, "message": f"arm: {why}"}]

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from artemis.localisation.scan_localizer import LocalizerSettings, ScanLocalizer, ScanPose
+from artemis.localisation.scan_localizer import LocalizerSettings, PlaceSearch, ScanLocalizer, ScanPose
 from artemis.localisation.scan_map import ScanMap, surface_of_cells
+from artemis.mapping.key_scans import KeyScans
 from artemis.mapping.occupancy import OCCUPIED, OccupancyMap, occupancy
 from artemis.mapping.se2 import Array, between, compose
 from artemis_lab.bench.laser_worlds import OFFICE, SETTINGS, box, driven, odometry, scan
@@ -100,13 +101,32 @@ def test_a_robot_that_sees_nothing_grows_doubtful(known: ScanMap) -> None:
 
 
 def test_cells_of_an_image_are_lines_again() -> None:
-    grid = occupancy([scan(OFFICE, pose) for pose in STANDS], STANDS, 0.05)
+    keys = KeyScans()
+    for pose in STANDS:
+        keys.append(scan(OFFICE, pose), pose, np.zeros(2))
+    grid = occupancy(keys, 0.05)
     surface = surface_of_cells(grid)
     normals = surface[(surface[:, 2:] != 0).any(1)]
     assert len(normals) > 0.6 * len(surface)
     assert (np.abs(normals[:, 2:]).max(1) > 0.98).mean() > 0.8, "all walls are along x or y"
     localizer = ScanLocalizer(ScanMap.of_cells(grid, TUNED.matching), TUNED, WAY[0])
     assert errors(followed(localizer, OFFICE, WAY[:40], odometry(WAY[:40], [1.0] * 39)), WAY[:40]).max() < 0.1
+
+
+def test_a_map_that_two_threads_share_is_changed_by_neither() -> None:
+    """One thread follows a robot whose pose was given while another one searches all of the map."""
+    fresh = ScanMap.of_scans([scan(OFFICE, pose) for pose in STANDS], STANDS, TUNED.matching)
+    arrays = [
+        value for grid in (fresh.grid, fresh.rough) for value in vars(grid).values() if isinstance(value, np.ndarray)
+    ]
+    before = [array.copy() for array in arrays]
+    points = scan(OFFICE, WAY[3])
+    localizer = ScanLocalizer(fresh, replace(TUNED, gather_scans=1))
+    localizer.begin_at(WAY[3], (0.3, 0.1))
+    assert localizer.update(points, None).doubt == 0.0
+    assert localizer.look(PlaceSearch(points=points, at=np.zeros(3), since=0)) is not None
+    for array, old in zip(arrays, before, strict=True):
+        assert np.array_equal(array, old)
 
 
 def test_an_empty_map_is_refused() -> None:

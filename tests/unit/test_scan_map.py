@@ -16,9 +16,9 @@ from msgspec.structs import replace as changed
 from pydantic import ValidationError
 
 from artemis.errors import ConfigError
-from artemis.localisation.sightings import Way
 from artemis.mapping.map_file import map_files
 from artemis.mapping.occupancy import FREE, OCCUPIED, OccupancyMap
+from artemis.mapping.recent_odometry import RecentOdometry
 from artemis.mapping.settings import MapSettings
 from artemis.mapping.sighting import points_of
 from artemis.mounting import Mounting
@@ -186,8 +186,8 @@ def test_what_fails_in_the_thread_is_a_fault_of_the_plugin(monkeypatch: pytest.M
     assert guard.take_problems() == [("PLG-02", "localizer", "MemoryError('map')")]
 
 
-def way_of(*poses: tuple[float, Pose], reset: float | None = None) -> Way:
-    way = Way(ROBOT)
+def way_of(*poses: tuple[float, Pose], reset: float | None = None) -> RecentOdometry:
+    way = RecentOdometry(ROBOT)
     for time, pose in poses:
         tick = TestContract().tick(time)
         snapshot = changed(tick.snapshot, odometry=changed(tick.snapshot.odometry, pose=pose))

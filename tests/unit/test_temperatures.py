@@ -114,9 +114,21 @@ def test_one_that_does_not_answer_has_none_after_a_while_and_again_when_it_does(
     assert 121.0 <= gap[-1] <= 121.0 + EVERY + 0.1
 
 
-def test_one_that_refuses_is_not_asked_again() -> None:
+def test_an_answer_that_breaks_the_protocol_is_none_and_the_next_one_counts() -> None:
+    def answer() -> bytes:
+        if 15.0 < asyncio.get_running_loop().time() < 45.0:
+            raise SdoAbort(0x3201, 1, 0x0504_0001)
+        return warm()
+
+    watch = Watch(answer).through(90.0)
+    assert len(watch.objects.asked) == pytest.approx(90.0 / EVERY, abs=1)
+    assert watch.seen[-1][1] == -31.4
+
+
+@pytest.mark.parametrize("code", [0x0602_0000, 0x0609_0011])
+def test_one_that_has_no_such_object_is_not_asked_again(code: int) -> None:
     def refuses() -> bytes:
-        raise SdoAbort(0x3201, 1, 0x06020000)
+        raise SdoAbort(0x3201, 1, code)
 
     watch = Watch(refuses).through(60.0)
     assert len(watch.objects.asked) == 1

@@ -68,11 +68,14 @@ from artemis.bridges.ros2.parts import (
     NodeParts,
     NodeState,
 )
+from artemis.clock import stopwatch
 
 MOST = 64
 """Messages of a topic that are taken at once."""
 APART = 0.005
 """Between two looks what has arrived [s]: of a flood of commands the newest is passed on."""
+HELD_UP = 0.15
+"""A look that is so long after the one before is late [s]: this process, or a run that does not read, was held up."""
 MOST_MESSAGE = 1 << 14
 """Bytes of a message that is passed on: commands are small, and a tick may have to read many."""
 LAST_WORDS = 0.3
@@ -319,6 +322,7 @@ def run(connection: Connection) -> None:
 
 
 def _serve(node: DdsNode, send: Callable[[bytes], None], ended: threading.Event) -> None:
+    looked = stopwatch()
     while not ended.is_set():
         send(STATE + msgspec.msgpack.encode(node.state()))
         if node.readers:
@@ -326,9 +330,12 @@ def _serve(node: DdsNode, send: Callable[[bytes], None], ended: threading.Event)
         else:  # for nothing it does not wait
             ended.wait(LOOK)
         ended.wait(APART)
+        now = stopwatch()
+        arrived = looked if now - looked > HELD_UP else now  # after a late look: as old as it may be
+        looked = now
         for number in range(len(node.readers)):
             for sender, data in node.take(number):
-                send(MESSAGE + READER.pack(number, sender & 0xFFFFFFFFFFFFFFFF) + data)
+                send(MESSAGE + READER.pack(number, sender & 0xFFFFFFFFFFFFFFFF, arrived) + data)
 
 
 if __name__ == "__main__":

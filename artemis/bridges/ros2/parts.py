@@ -1,8 +1,8 @@
-"""What a run tells the process of a node of ROS 2 (`dds`), and what that tells back.
+"""What a run sends to the process of a node of ROS 2 (`dds`), and what that sends back.
 
 Both ends have a connection on which blocks of bytes go over. To the process: first a `NodeParts`, then messages, each
 behind the number of its writer. From it: a letter, then `NodeState`, `NodeFailure` or a message of a reader, behind the
-number of the reader and of who sent it.
+number of the reader, that of who sent it, and when it arrived [s], by `clock.stopwatch`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from msgspec import Struct
 from artemis.bridges.ros_types import Field
 
 WRITER = struct.Struct("<H")
-READER = struct.Struct("<HQ")
+READER = struct.Struct("<HQd")
 STATE, FAILURE, MESSAGE = b"s", b"f", b"m"
 INFORMATION = "rmw_dds_common/msg/ParticipantEntitiesInfo"
 """The type by which a node says what it has."""

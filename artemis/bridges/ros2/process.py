@@ -32,7 +32,8 @@ class NodeProcess(KeptProcess):
     Attributes:
         names: Resolves the names that the node uses.
         types: Of its messages.
-        state: What the process told last.
+        state: What the process reported last.
+        arrived: When the message that is being taken arrived [s].
     """
 
     module = "artemis.bridges.ros2.dds"
@@ -64,7 +65,7 @@ class NodeProcess(KeptProcess):
         self._readers: list[Endpoint] = []
         self._takers: list[Callable[[bytes, str], object]] = []
         self._latched: dict[int, bytes] = {}
-        self.state = NodeState([], [], [], 0)
+        self.state, self.arrived = NodeState([], [], [], 0), 0.0
         self._dropped = 0
         super().__init__(plugin)
 
@@ -91,7 +92,7 @@ class NodeProcess(KeptProcess):
         return Endpoint(topic, type, self.types.hash(type) if self._hashed else "", reliable, latched, depth)
 
     def parts(self) -> NodeParts:
-        """What the process is told."""
+        """What is sent to the process first."""
         types: dict[str, list[tuple[str, Field]]] = {}
         for type in (INFORMATION, *(each.type for each in (*self._writers, *self._readers))):
             types |= self.types.fields(type)
@@ -120,7 +121,7 @@ class NodeProcess(KeptProcess):
         self._send(WRITER.pack(number) + data)
 
     def keep(self) -> None:
-        """Tell a new process the latched messages. To be called again and again, in the thread that publishes."""
+        """Send a new process the latched messages. To be called again and again, in the thread that publishes."""
         if self._new:
             self._new = False
             for number, data in self._latched.items():
@@ -156,7 +157,7 @@ class NodeProcess(KeptProcess):
         if kind == STATE:
             self.state = msgspec.msgpack.decode(block, type=NodeState)
         elif kind == MESSAGE:
-            number, sender = READER.unpack_from(block)
+            number, sender, self.arrived = READER.unpack_from(block)
             self._takers[number](block[READER.size :], f"{sender:x}")
         elif kind == FAILURE:
             return msgspec.msgpack.decode(block, type=NodeFailure).text

@@ -19,6 +19,7 @@ from msgspec import Struct
 from artemis.bridges.answers import Answers
 from artemis.bridges.json_messages import JsonMessages, full_name
 from artemis.bridges.kept_process import LOOK, KeptProcess
+from artemis.bridges.names import absolute
 from artemis.bridges.received import CommandRules, Mailbox, Received, Receiver
 from artemis.bridges.rosbridge.server import RosbridgeServer
 from artemis.bridges.rosbridge.session import Message, Offer
@@ -32,7 +33,7 @@ Answer = tuple[list[int], bool, str]
 
 
 class InputSetup(Struct, frozen=True):
-    """What the process is told first."""
+    """What is sent to the process first."""
 
     config: str
     """A `ServerConfig` as JSON."""
@@ -76,13 +77,13 @@ class InputServer:
         self._mailbox, self._answers = Mailbox(wake=self._hand_on, news=self._news.set), Answers()
         config, rules = ServerConfig.model_validate_json(setup.config), setup.rules
         receiver = self._receiver = Receiver(rules, JsonMessages(config.ros), self._mailbox)
-        heard = {f"/{topic.lstrip('/')}": (full_name(type), take) for topic, (type, take) in receiver.topics().items()}
+        heard = {absolute(topic): (full_name(type), take) for topic, (type, take) in receiver.topics().items()}
         offer = Offer(
             heard=heard,
             services={f"/{name}": partial(self._called, name) for name in rules.requests},
             early={topic: self._refuser(topic) for topic in heard if topic != "/stop"},
         )
-        self._server = RosbridgeServer(rules.source, listening, offer, config)
+        self._server = RosbridgeServer(rules.source, listening, offer, config, relayed=True)
         self._server.start()
 
     def run(self) -> None:
@@ -98,7 +99,7 @@ class InputServer:
         sys.exit(problem or None)
 
     def _hand_on(self) -> None:
-        """Tell the run what has arrived; and if nothing has, that this process works."""
+        """Send the run what has arrived; and if nothing has, that this process works."""
         try:
             with self._sending:
                 self._connection.send_bytes(_ENCODE(self._mailbox.take()))
@@ -120,10 +121,10 @@ class InputServer:
         return {"success": taken, "message": words}
 
     def _refuser(self, topic: str) -> partial[str]:
-        """What refuses something on a topic: of requests and poses the run is told, too."""
+        """What refuses something on a topic: a refused request or pose is reported to the run, too."""
         name = topic.removeprefix("/")
-        tells = name in (*self._receiver.rules.requests, *self._receiver.rules.poses)
-        return partial(self._receiver.too_old if tells else self._receiver.without_effect, name)
+        reports = name in (*self._receiver.rules.requests, *self._receiver.rules.poses)
+        return partial(self._receiver.too_old if reports else self._receiver.without_effect, name)
 
 
 def main(listening: int, port: int) -> None:

@@ -7,10 +7,8 @@ from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
 from importlib.util import find_spec
-from socket import socket
 from typing import TYPE_CHECKING, Any
 
-from artemis.bridges.addresses import bound
 from artemis.bridges.background import BackgroundTasks
 from artemis.bridges.json_messages import JsonMessages
 from artemis.bridges.loop_thread import END_TIME, LoopThread
@@ -19,10 +17,13 @@ from artemis.bridges.rosbridge.settings import INSTALL, ServerConfig
 from artemis.errors import ConfigError
 
 if TYPE_CHECKING:
+    from socket import socket
+
     from websockets.asyncio.client import ClientConnection
     from websockets.asyncio.server import ServerConnection
 
 MOST_CLIENTS = 32
+"""Of a server; one that observers relay their clients to takes as many relays besides."""
 MOST_MESSAGE = 1 << 12
 """Bytes that a client may say at once: commands are small."""
 RATE, BURST = 200.0, 200.0
@@ -44,18 +45,6 @@ def require_websockets(name: str) -> None:
         raise ConfigError(f"{name}: plugin: rosbridge needs the package websockets: {INSTALL}")
 
 
-def listening_at(plugin: str, address: str, port: int) -> socket:
-    """A socket at which clients connect; port 0: any that is free.
-
-    Raises:
-        ConfigError: the port is in use, or this computer has no such address. `plugin`: its name in the mission.
-    """
-    try:
-        return bound(address, port, listening=True)
-    except OSError as error:
-        raise ConfigError(f"{plugin}: {address}, port {port}: {error.strerror}") from None
-
-
 class RosbridgeServer(LoopThread):
     """One server; it answers from `start` on."""
 
@@ -68,6 +57,7 @@ class RosbridgeServer(LoopThread):
         *,
         queue: int = QUEUE,
         inputs: str = "",
+        relayed: bool = False,
     ) -> None:
         """Have a socket that listens.
 
@@ -78,7 +68,9 @@ class RosbridgeServer(LoopThread):
             config: its keys.
             queue: messages that wait for a slow client; then the oldest are dropped.
             inputs: URL of another server that takes what this one does not.
+            relayed: it is such a server: each client of the other one is connected to it, too.
         """
+        self._most = MOST_CLIENTS * (2 if relayed else 1)
         self._config, self._offer, self._queue, self._inputs = config, offer, queue, inputs
         self._messages = JsonMessages(config.ros)
         self._socket = listening
@@ -91,17 +83,17 @@ class RosbridgeServer(LoopThread):
         super().__init__(plugin)
 
     def put(self, told: Sequence[tuple[str, bytes]]) -> None:
-        """Tell clients: absolute names of topics, and messages' JSON. Waits for no client."""
+        """Publish to clients: absolute names of topics, and messages' JSON. Waits for no client."""
         self.hand_over(self._put, told)
 
     @property
     def wanted(self) -> set[str]:
-        """Topics that somebody hears."""
+        """Topics that a client is subscribed to."""
         return set().union(*(session.subscribed for session in tuple(self._sessions)))
 
     @property
     def problem(self) -> str:
-        """Why nobody is answered; empty: clients are."""
+        """Why no client is answered; empty: they are."""
         return "" if self._end is None or self._closed or self._thread.is_alive() else "its server has ended"
 
     @property
@@ -129,12 +121,14 @@ class RosbridgeServer(LoopThread):
         from websockets.asyncio.server import ServerConnection, serve
         from websockets.typing import Origin
 
+        connections = 2 * self._most
+
         class Bounded(ServerConnection):
             """Closed at once where too many are no clients yet, or one from there has just said too much."""
 
             def connection_made(self, transport: asyncio.BaseTransport) -> None:
                 super().connection_made(transport)
-                many = len(self.server.handler_tasks) > 2 * MOST_CLIENTS
+                many = len(self.server.handler_tasks) > connections
                 if (many or is_kept_out(transport)) and isinstance(transport, asyncio.Transport):
                     transport.abort()
 
@@ -152,8 +146,8 @@ class RosbridgeServer(LoopThread):
         """One client, until it leaves."""
         from websockets.exceptions import ConnectionClosed
 
-        if len(self._sessions) >= MOST_CLIENTS:
-            await connection.close(_TRY_AGAIN, f"{MOST_CLIENTS} clients are the most")
+        if len(self._sessions) >= self._most:
+            await connection.close(_TRY_AGAIN, f"{self._most} clients are the most")
             return
         self._number += 1
         outbox, now = _Outbox(self._queue), self._loop.time()
@@ -171,7 +165,7 @@ class RosbridgeServer(LoopThread):
                     self._keep_out(_address(connection.transport), now)
                     await connection.close(_TOO_MUCH, f"more than {RATE:g} messages in a second")
                     return
-                if not session.take(text, self._loop.time()):
+                if not session.take(text, now):
                     await relay.take(text, session)
         except ConnectionClosed:
             pass

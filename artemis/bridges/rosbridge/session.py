@@ -1,4 +1,4 @@
-"""What one client of rosbridge may say, and what it is told: protocol version 2, on no connection yet.
+"""What one client of rosbridge may send, and what is sent to it: protocol version 2, on no connection yet.
 
 The protocol is that of github.com/RobotWebTools/rosbridge_suite, ROSBRIDGE_PROTOCOL.md. There is no compression, no
 fragment, no authentication: who asks for one is refused by name.
@@ -14,7 +14,7 @@ from typing import Any
 import msgspec
 
 from artemis.bridges.json_messages import FORMS, JsonMessages, full_name
-from artemis.bridges.names import check_name
+from artemis.bridges.names import absolute, check_name
 
 QUEUE = 64
 """Messages that may wait for a slow client, by default, and for the time that a client wants between two; then the
@@ -52,7 +52,7 @@ class Offer:
     early: Mapping[str, Callable[[str], str]] = field(default_factory=dict)
     """Topics and services that have no effect on a connection younger than `SETTLED`: what makes a refusal of why."""
     elsewhere: str = ""
-    """Who takes what is neither heard nor served here; empty: nobody."""
+    """URL of what takes what is neither heard nor served here; empty: nothing does."""
 
 
 @dataclass(slots=True)
@@ -74,11 +74,11 @@ class _Subscription:
 
 
 class Refused(ValueError):
-    """What a client wants cannot be: it is told these words."""
+    """What a client wants cannot be: it is sent these words."""
 
 
 class ClientSession:
-    """One client. Nothing here waits: what it is to be told goes to `send`."""
+    """One client. Nothing here waits: what is for it goes to `send`."""
 
     def __init__(
         self,
@@ -93,8 +93,8 @@ class ClientSession:
 
         Args:
             offer: what there is for it.
-            name: of the client, by which its commands are told from others'.
-            send: takes what it is told.
+            name: of the client, by which its commands are kept apart from others'.
+            send: takes what is for it.
             messages: packs and unpacks.
             now: the time [s].
             begin: has something done that takes longer.
@@ -160,7 +160,7 @@ class ClientSession:
                 self._send(wanted.waiting.popleft())
 
     def say(self, level: str, words: str, id: object = None) -> None:
-        """Tell the client how something went, if it wants to know."""
+        """Send the client how something went, if it wants to know."""
         if LEVELS.index(level) <= self._level:
             about = {"id": id} if isinstance(id, str) else {}
             self._send(_ENCODE({"op": "status", "level": level, "msg": words, **about}))
@@ -168,7 +168,7 @@ class ClientSession:
     # ------------------------------------------------------------------------------------------ operations
 
     def _subscribe(self, message: Message, now: float) -> None:
-        topic, type = self._topic(message), self._text(message, "type", "")
+        topic, type = self._name_in(message), self._text(message, "type", "")
         if (compression := self._text(message, "compression", "none")) != "none":
             raise Refused(f"{topic}: compression {compression!r:.20}: there is none")
         if message.get("fragment_size") is not None:
@@ -190,7 +190,7 @@ class ClientSession:
             self._send(known.last)
 
     def _unsubscribe(self, message: Message, now: float) -> None:
-        topic, id = self._topic(message), message.get("id")
+        topic, id = self._name_in(message), message.get("id")
         if (wanted := self._subscribed.get(topic)) is None:
             raise Refused(f"{topic} is not subscribed to")
         if id is None:
@@ -200,7 +200,7 @@ class ClientSession:
             del self._subscribed[topic]
 
     def _advertise(self, message: Message, now: float) -> None:
-        topic, type = self._topic(message), full_name(self._text(message, "type"))
+        topic, type = self._name_in(message), full_name(self._text(message, "type"))
         if type not in FORMS:
             raise Refused(f"{topic}: unknown type {message['type']!r:.60}")
         self._heard(topic, type)
@@ -208,13 +208,13 @@ class ClientSession:
         self._advertised.add(topic)
 
     def _unadvertise(self, message: Message, now: float) -> None:
-        topic = self._topic(message)
+        topic = self._name_in(message)
         if topic not in self._advertised:
             raise Refused(f"{topic} is not advertised")
         self._advertised.remove(topic)
 
     def _publish(self, message: Message, now: float) -> None:
-        topic = self._topic(message)
+        topic = self._name_in(message)
         type, take = self._heard(topic)
         data = _ENCODE(message.get("msg", {}))
         try:
@@ -225,7 +225,7 @@ class ClientSession:
             raise Refused(why)
 
     def _call(self, message: Message, now: float) -> None:
-        service = _absolute(self._text(message, "service"))
+        service = self._name_in(message, "service")
         about = {"id": message["id"]} if isinstance(message.get("id"), str) else {}
         answer: Message = {"op": "service_response", "service": service, **about}
         arguments = message.get("args") or {}
@@ -262,7 +262,7 @@ class ClientSession:
             case "advertise" | "unadvertise" | "publish":
                 return True
             case "call_service":
-                return _absolute(self._text(message, "service")) not in self._offer.services
+                return self._name_in(message, "service") not in self._offer.services
         return False
 
     def _too_early(self, name: str, now: float) -> str:
@@ -270,7 +270,7 @@ class ClientSession:
         refuse, age = self._offer.early.get(name), now - self._connected
         if refuse is None or age >= SETTLED:
             return ""
-        return refuse(f"said {age:.2f} s after {self._name} connected, and perhaps kept for that")
+        return refuse(f"dropped: sent {age:.2f} s after {self._name} connected, may be an old queued message")
 
     def _heard(self, topic: str, type: str = "") -> tuple[str, Callable[[bytes, str], str]]:
         if (known := self._offer.heard.get(topic)) is None:
@@ -280,8 +280,9 @@ class ClientSession:
             raise Refused(f"{topic} is {known[0]}, and {type} was advertised")
         return known
 
-    def _topic(self, message: Message) -> str:
-        return _absolute(self._text(message, "topic"))
+    def _name_in(self, message: Message, key: str = "topic") -> str:
+        """The absolute name that a client means; raises ValueError where ROS forbids it."""
+        return absolute(check_name(self._text(message, key)))
 
     @staticmethod
     def _text(message: Message, key: str, default: str | None = None) -> str:
@@ -303,8 +304,3 @@ class ClientSession:
     def _fits(number: int, what: str = "topics") -> None:
         if number >= MOST_TOPICS:
             raise Refused(f"{MOST_TOPICS} {what} are the most")
-
-
-def _absolute(name: str) -> str:
-    """The absolute name that a client means; raises ValueError where ROS forbids it."""
-    return "/" + check_name(name).lstrip("/")

@@ -109,14 +109,18 @@ def hidden_controls(sysfs: Path = SYSFS) -> list[HidInfo]:
 
 
 def motors_of(info: HidInfo, sysfs: Path = SYSFS) -> EventNode | None:
-    """The node by which a device's motors and lamps are driven, whichever way it is read; None: it has none."""
+    """The node by which a device's motors and lamps are driven, whichever way it is read; None: it has none.
+
+    Of several the first with motors, else the first with lamps.
+    """
     name = Path(info.path).name
-    for node in event_nodes(sysfs):
-        if (node.forces or node.lamps) and (
-            node.info.path == info.path or (info.source == "hidraw" and name in node.hidraw)
-        ):
-            return node
-    return None
+    found = [
+        node
+        for node in event_nodes(sysfs)
+        if (node.forces or node.lamps)
+        and (node.info.path == info.path or (info.source == "hidraw" and name in node.hidraw))
+    ]
+    return max(found, key=lambda node: bool(node.forces), default=None)
 
 
 @contextmanager

@@ -54,8 +54,9 @@ class CommandKeys(Config):
     allow: Annotated[
         tuple[Literal["acknowledge", "arm", "end", "done", "goal_pose", "initialpose"], ...], Field(strict=False)
     ] = ()
-    """What may be asked for besides `stop`. With acknowledge and arm somebody counts as present in the run. goal_pose:
-    where a step `goto: {to: {from_input: NAME}}` drives; initialpose: about where the robot is, for the localizer."""
+    """What may be asked for besides `stop`. With acknowledge and arm an operator counts as present in the run.
+    goal_pose: where a step `goto: {to: {from_input: NAME}}` drives; initialpose: about where the robot is, for the
+    localizer."""
     max_speed_m_s: WishedSpeed | None = None
     """Faster commands are cut to this speed of the virtual front wheel; None: the robot's limit."""
 
@@ -224,7 +225,7 @@ class CommandedInput(ABC):
 
     @abstractmethod
     def _heard(self) -> tuple[bool, str]:
-        """Whether somebody publishes commands; and why there is no network (empty: there is one)."""
+        """Whether a publisher of commands is there; and why there is no network (empty: there is one)."""
 
     @abstractmethod
     def _answer(self, numbers: Sequence[int], taken: bool, words: str) -> None:
@@ -256,7 +257,8 @@ class CommandedInput(ABC):
         if received.enable is not None:
             at, value = received.enable
             self._enabled_at = at if value else -math.inf
-        for sender, at, command in received.commands:
+        newest = sorted(received.commands, key=lambda each: each[0] != self._holder)  # the holder's first
+        for sender, at, command in newest:
             drives = self._command.moves and at - self._news <= HELD
             if not drives or sender == self._holder:
                 self._command, self._holder, self._news = command, sender, at

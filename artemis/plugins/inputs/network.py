@@ -7,7 +7,6 @@ sample's age counts from the robot's beat that the operator's command quotes, pl
 from __future__ import annotations
 
 import math
-import socket
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
@@ -15,7 +14,7 @@ from typing import Annotated, ClassVar, Literal
 import msgspec
 from pydantic import Field
 
-from artemis.bridges.addresses import ListenAddress, bound
+from artemis.bridges.addresses import ListenAddress, listening_at
 from artemis.bridges.operator.link_process import LinkProcess, LinkSettings
 from artemis.bridges.operator.pairing import default_place, read_secret
 from artemis.bridges.operator.server import tls_context
@@ -53,7 +52,7 @@ class NetworkConfig(Config):
     tls: TlsFiles | None = None
     """Encrypt the link, and prove to operators who have the certificate which robot this is."""
     allow: Annotated[tuple[Literal["acknowledge", "arm", "end"], ...], Field(strict=False)] = ()
-    """What may be asked for besides the quick stop, done and record. With acknowledge and arm somebody counts as
+    """What may be asked for besides the quick stop, done and record. With acknowledge and arm an operator counts as
     present in the run."""
     max_speed_m_s: WishedSpeed | None = None
     """Faster commands are cut to this speed of the virtual front wheel; None: the robot's limit."""
@@ -96,7 +95,7 @@ class NetworkInput(LinkedInput):
         if port is None:
             settings = self._settings(config, context)
             if context.real_time and settings is not None:
-                port = LinkProcess(_listening(config, self._name), settings)
+                port = LinkProcess(listening_at(self._name, config.listen, config.port), settings)
         super().__init__(context, port, clock)
 
     @staticmethod
@@ -105,7 +104,7 @@ class NetworkInput(LinkedInput):
         return one.port == other.port
 
     def show(self, tick: Tick) -> str:
-        """Tell the operator what the robot does: at once where it is news, else ten times a second."""
+        """Send the operator what the robot does: at once where it is news, else ten times a second."""
         if self._port is not None and self._report.seat == "held":
             now, status = tick.snapshot.time, status_of(tick, self._name)
             if self._shown is None or now - self._shown[0] >= SHOWN_EVERY or status.differs(self._shown[1]):
@@ -152,15 +151,3 @@ class NetworkInput(LinkedInput):
             certificate=certificate,
             key=key,
         )
-
-
-def _listening(config: NetworkConfig, name: str) -> socket.socket:
-    """A socket that takes connections.
-
-    Raises:
-        ConfigError: this computer has no such address, or the port is taken.
-    """
-    try:
-        return bound(config.listen, config.port, listening=True)
-    except OSError as error:
-        raise ConfigError(f"{name}: listen: {config.listen} port {config.port}: {error.strerror}") from None

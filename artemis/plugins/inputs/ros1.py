@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import ClassVar
@@ -15,7 +16,12 @@ from artemis.bridges.ros_types import TRIGGER_MD5, Ros1Types, require_packages, 
 from artemis.clock import stopwatch
 from artemis.config import Config
 from artemis.plugins.contracts import PluginContext
-from artemis.plugins.inputs.commanded import CommandedInput, Ros1CommandKeys, may_share
+from artemis.plugins.inputs.commanded import HELD, CommandedInput, Ros1CommandKeys, may_share
+
+BEAT = HELD / 3
+"""Between two looks whether the thread that reads was held up [s]."""
+DRAIN = 0.05
+"""After that what waited is read for so long [s]."""
 
 
 class Ros1InputConfig(Ros1CommandKeys, NodeConfig):
@@ -41,7 +47,8 @@ class Ros1Input(CommandedInput):
         config.checked(context.name)
         super().__init__(config, context, clock)
         self._config, self._definitions, self._answers = config, Ros1Types(), Answers()
-        self._receiver = Receiver(self._rules, self._definitions, self._mailbox, clock)
+        self._receiver = Receiver(self._rules, self._definitions, self._mailbox, self._arrival)
+        self._ran, self._held, self._drained = stopwatch(), 0.0, 0.0
         self._thread: NodeThread | None = None
         self._topic = ""
 
@@ -60,15 +67,30 @@ class Ros1Input(CommandedInput):
             md5 = self._definitions.definition(type)[1]
             leave = None if topic == "stop" else partial(self._leave, topic)
             node.subscribe(resolve(topic), ros1_name(type), md5, take, leave)
+        self._ran = stopwatch()
+        thread.soon(self._beat)
         thread.start()
 
     def _heard(self) -> tuple[bool, str]:
         assert self._thread is not None
         return bool(self._thread.node.subscriptions[self._topic].connected), self._thread.problem
 
+    def _beat(self) -> None:
+        """Look again and again whether the thread was held up."""
+        self._arrival()
+        asyncio.get_running_loop().call_later(BEAT, self._beat)
+
+    def _arrival(self) -> float:
+        """When what is read now arrived [s]: what the thread reads first after a hold-up has waited as long as that."""
+        time, now = self._clock(), stopwatch()
+        if now - self._ran > HELD:
+            self._held, self._drained = now - self._ran, now + DRAIN
+        self._ran = now
+        return time - self._held if now < self._drained else time
+
     def _leave(self, topic: str, sender: str) -> None:
         """A publisher sends what it has kept: perhaps from before the robot was stopped."""
-        self._receiver.too_old(topic, f"kept by {sender} for whoever connects")
+        self._receiver.too_old(topic, f"latched message from {sender} dropped")
 
     def _answer(self, numbers: Sequence[int], taken: bool, words: str) -> None:
         if self._thread is not None:

@@ -38,7 +38,7 @@ class Ros2Input(CommandedInput):
     may_share = staticmethod(may_share)
 
     def __init__(self, config: Ros2InputConfig, context: PluginContext, clock: Callable[[], float] = stopwatch) -> None:
-        """Take the robot; `clock` of arrivals [s].
+        """Take the robot; `clock`: the time now [s], as `stopwatch` has it, which arrivals are counted by.
 
         Raises:
             ConfigError: the extra is not installed, this computer has no such address, a variable of ROS is wrong, or
@@ -48,21 +48,22 @@ class Ros2Input(CommandedInput):
         node = self._node = NodeProcess(config, context.name, f"artemis_{context.name}")
         super().__init__(config, context, clock)
         self._number = -1
-        for topic, (type, take) in Receiver(self._rules, node.types, self._mailbox, clock).topics().items():
+        receiver = Receiver(self._rules, node.types, self._mailbox, lambda: node.arrived)
+        for topic, (type, take) in receiver.topics().items():
             resolved = node.names.resolve(topic)
             asked = topic in config.allow or topic == "stop"
             if asked:
                 node.subscribe(resolved, type, take)
-            if not asked or topic == "stop":  # a command that was lost is of no use; a stop is heard of everybody
+            if not asked or topic == "stop":  # a lost command is of no use; a stop is heard from every publisher
                 number = node.subscribe(resolved, type, take, reliable=False, depth=1)
                 self._number = number if topic == config.commands else self._number
-        self._told: set[str] = set()
+        self._reported: set[str] = set()
 
     def show(self, tick: Tick) -> str:
-        """Nothing is answered in ROS 2; tells of publishers that are refused."""
+        """Nothing is answered in ROS 2; reports publishers that are refused."""
         super().show(tick)
-        new = [words for words in self._node.state.refused if words not in self._told]
-        self._told.update(new)
+        new = [words for words in self._node.state.refused if words not in self._reported]
+        self._reported.update(new)
         return "; ".join(new)
 
     def take_problems(self) -> list[Problem]:

@@ -8,11 +8,11 @@ from typing import Annotated, ClassVar
 import msgspec
 from pydantic import Field
 
-from artemis.bridges.addresses import check_listen
+from artemis.bridges.addresses import check_listen, listening_at
 from artemis.bridges.child_process import ENDED
 from artemis.bridges.received import Problem
 from artemis.bridges.rosbridge.input_process import InputSetup, RosbridgeProcess
-from artemis.bridges.rosbridge.server import listening_at, require_websockets
+from artemis.bridges.rosbridge.server import require_websockets
 from artemis.bridges.rosbridge.settings import INPUT_PORT, PortConfig, ServerConfig
 from artemis.clock import stopwatch
 from artemis.config import Config

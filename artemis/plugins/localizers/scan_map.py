@@ -1,7 +1,7 @@
 """Where the robot is on a map, by the scans of its laser scanner.
 
 In real time each scan is matched in a thread, and the whole map is searched in another one: no tick waits for them. On
-virtual time, where nothing passes while artemis computes, both are done at once, and what they found is told as late as
+virtual time, where nothing passes while artemis computes, both are done at once, and results are reported as late as
 if they had taken their time: so the same run is the same again.
 """
 
@@ -77,21 +77,21 @@ class ScanMapLocalizer:
         Raises:
             ConfigError: everything that is wrong in it, or the robot has no such scanner.
         """
-        from artemis.localisation.sightings import Way
+        from artemis.mapping.recent_odometry import RecentOdometry
 
         self._config, self._context, self._name = config, context, context.name
         self._scanner = _scanner(config.scanner, context)
         self._known = _map(config.map, context)
-        self._way = Way(context.robot)
+        self._odometry = RecentOdometry(context.robot)
         self._waiting: Scan | None = None
         self._next = -inf
         self._made: ScanLocalizer | None = None
         self._found: deque[tuple[float, PoseFix]] = deque()
-        """With the time from which on it may be told [s]."""
+        """With the time from which on it may be reported [s]."""
         self._looked: deque[tuple[float, PlaceSearch, Match | None]] = deque()
         self._given: deque[LocatedPose] = deque(maxlen=1)
         self._refused: deque[float] = deque()
-        """What was told of where the robot is; and how well the scans fitted there, where they did not."""
+        """The pose that was given; and how well the scans fitted there, where they did not fit."""
         self._error: BaseException | None = None
         self._dropped = 0
         threaded = context.real_time
@@ -125,11 +125,11 @@ class ScanMapLocalizer:
         """Hand over a scan with the odometry around it, as soon as that is known."""
         if self._error is not None:
             raise self._error
-        self._way.see(tick)
+        self._odometry.see(tick)
         for scan in tick.snapshot.sensed.scans:
             if scan.source == self._scanner and self._waiting is None and scan.time >= self._next:
                 self._waiting = scan
-        if self._waiting is None or (seen := self._way.sighting(self._waiting)) is None:
+        if self._waiting is None or (seen := self._odometry.sighting(self._waiting)) is None:
             return ""
         period = 1 / self._config.rate_hz
         self._next = max(self._next + period, self._waiting.time + period / 2)
@@ -190,7 +190,7 @@ class ScanMapLocalizer:
         )
 
     def _match(self, handed: tuple[float, Sighting]) -> None:
-        """Match one scan, and tell what it says."""
+        """Match one scan, and report the pose."""
         import numpy as np
 
         from artemis.mapping.sighting import points_of

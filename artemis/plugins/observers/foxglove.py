@@ -11,6 +11,7 @@ from pydantic import Field
 
 from artemis.bridges.addresses import ListenAddress, check_listen
 from artemis.bridges.complaints import Complaints
+from artemis.bridges.names import absolute
 from artemis.bridges.places import TakenPlace, port_place
 from artemis.bridges.ros_types import Ros2Types
 from artemis.bridges.stamps import Stamps
@@ -123,7 +124,7 @@ class FoxgloveObserver:
         from foxglove import Channel, Context, Schema, start_server
         from foxglove.websocket import ServerListener
 
-        names = {"/" + topic.name.lstrip("/"): topic.name for topic in self._topics.topics}
+        names = {absolute(topic.name): topic.name for topic in self._topics.topics}
 
         def subscribed(_: object, client: Client, channel: ChannelView) -> None:
             """In a thread of the package's."""
@@ -134,7 +135,7 @@ class FoxgloveObserver:
         for topic in self._topics.topics:
             schema = Schema(name=topic.type, encoding="ros2msg", data=self._types.definition(topic.type).encode())
             self._channels[topic.name] = Channel(
-                "/" + topic.name.lstrip("/"), message_encoding="cdr", schema=schema, context=group
+                absolute(topic.name), message_encoding="cdr", schema=schema, context=group
             )
         self._slow.listen()
         try:

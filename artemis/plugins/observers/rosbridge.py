@@ -8,10 +8,11 @@ from typing import Annotated, ClassVar
 import msgspec
 from pydantic import Field
 
-from artemis.bridges.addresses import check_listen
+from artemis.bridges.addresses import check_listen, listening_at
 from artemis.bridges.complaints import Complaints
 from artemis.bridges.json_messages import JsonMessages
-from artemis.bridges.rosbridge.server import RosbridgeServer, listening_at, require_websockets
+from artemis.bridges.names import absolute
+from artemis.bridges.rosbridge.server import RosbridgeServer, require_websockets
 from artemis.bridges.rosbridge.session import QUEUE, Message, Offer, Outgoing
 from artemis.bridges.rosbridge.settings import INPUT_PORT, PortConfig
 from artemis.bridges.stamps import Stamps
@@ -63,11 +64,11 @@ class RosbridgeObserver:
         self._topics = Topics(
             context.robot, context.routes, every=config.every, transforms=config.transforms, map=context.map
         )
-        told = {_absolute(topic.name): Outgoing(topic.type, topic.latched) for topic in self._topics.topics}
+        told = {absolute(topic.name): Outgoing(topic.type, topic.latched) for topic in self._topics.topics}
         self._types = {name: topic.type for name, topic in told.items()}
         services: dict[str, Callable[[Message], Message]] = {
             "/rosapi/topics": lambda _: {"topics": list(self._types), "types": list(self._types.values())},
-            "/rosapi/topic_type": lambda told: {"type": self._types.get(_absolute(str(told.get("topic", ""))), "")},
+            "/rosapi/topic_type": lambda told: {"type": self._types.get(absolute(str(told.get("topic", ""))), "")},
             "/rosapi/services": lambda _: {"services": sorted(services)},
         }
         offer = Offer(told=told, services=services, elsewhere=inputs)
@@ -88,9 +89,9 @@ class RosbridgeObserver:
             self._begun = True
             server.start()
             told += self._topics.begin(stamp)
-        wanted = {name for name in (topic.name for topic in self._topics.topics) if _absolute(name) in server.wanted}
+        wanted = {name for name in (topic.name for topic in self._topics.topics) if absolute(name) in server.wanted}
         told += self._topics.tell(tick, stamp, wanted)
-        server.put([(_absolute(topic.name), self._messages.pack(topic.type, content)) for topic, content in told])
+        server.put([(absolute(topic.name), self._messages.pack(topic.type, content)) for topic, content in told])
 
     def take_problems(self) -> list[tuple[str, str, str]]:
         """That it has ended; that a client is too slow, once, and at the end how much that cost."""
@@ -103,10 +104,6 @@ class RosbridgeObserver:
         self._closed = True
         if self.server is not None:
             self.server.close()
-
-
-def _absolute(name: str) -> str:
-    return "/" + name.lstrip("/")
 
 
 def _input_at(name: str, port: int, mission: bytes) -> str:

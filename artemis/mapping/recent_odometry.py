@@ -1,4 +1,4 @@
-"""Scans, each with the way of the robot while it was measured: by the odometry, at the time the drives measured it."""
+"""The odometry of the last ticks, at the times at which the drives measured it: where the robot was during a scan."""
 
 from __future__ import annotations
 
@@ -13,16 +13,21 @@ from artemis.scan import Scan
 from artemis.values import Pose, Tick
 from artemis.vehicle import RobotFile
 
-_KEPT = 100
+KEPT = 150
 """Ticks whose odometry is kept: a scan comes later than it was measured, by less."""
 
 
-class Way:
-    """Where the robot was by its odometry, of late."""
+class RecentOdometry:
+    """Poses by the odometry, in a frame that never jumps.
+
+    Attributes:
+        counted: the wheels were counted without a gap until the last tick.
+    """
 
     def __init__(self, robot: RobotFile) -> None:
+        """Take the robot: its driven wheels are what counts."""
         self._places, self._stale = itemgetter(*robot.places), stale_age(0.0)
-        self._kept: deque[tuple[float, Pose]] = deque(maxlen=_KEPT)
+        self._kept: deque[tuple[float, Pose]] = deque(maxlen=KEPT)
         self._origin, self._resets = Pose(), False
         self.counted = True
 
@@ -39,8 +44,8 @@ class Way:
             self._kept.append((time, placed(self._origin, pose)))
 
     def sighting(self, scan: Scan) -> Sighting | None:
-        """The scan with the way; None: the odometry does not reach to its end yet."""
-        lasting = scan.beam_time * (len(scan.ranges) // 2 - 1)
+        """The scan with the robot's poses during it; None: the odometry does not reach to its end yet."""
+        lasting = scan.beam_time * max(0, len(scan.millimetres) - 1)
         if not self._kept or self._kept[-1][0] < scan.time + lasting:
             return None
         begin, middle, end = (self._at(scan.time + share * lasting) for share in (0.0, 0.5, 1.0))
