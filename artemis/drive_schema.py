@@ -197,14 +197,22 @@ def _profile(drive: Drive) -> Iterator[tuple[KeyPath, str]]:
         if index not in OPTIONAL:
             known = ", ".join(f"0x{each:04X}" for each in OPTIONAL)
             yield ("cia402", "absent", number), f"expected one of {known}, found 0x{index:04X}"
-    for number, given in enumerate(words.settings):
-        if is_ours(words, given):
-            yield ("cia402", "settings", number), f"{given.object} is written by artemis: there are other keys for it"
-        elif not given.fits:
-            yield ("cia402", "settings", number, "value"), f"{given.value} is no {given.type}"
+    yield from _settings(words)
     for pdo in drive.tables.sent[drive.role]:
         if (length := sum(object.type.size for object in pdo)) > 8:
             yield ("cia402",), f"{', '.join(map(str, pdo))} have {length} bytes; a PDO holds 8"
+
+
+def _settings(words: Cia402) -> Iterator[tuple[KeyPath, str]]:
+    """Values of objects that the drive lacks, or that artemis writes, and such as do not fit."""
+    for number, given in enumerate(words.settings):
+        if is_ours(words, given):
+            yield ("cia402", "settings", number), f"{given.object} is written by artemis: there are other keys for it"
+        elif given.index in words.absent:
+            text = f"{given.object} is one that the drive lacks (`absent`): take it out of one of them"
+            yield ("cia402", "settings", number), text
+        elif not given.fits:
+            yield ("cia402", "settings", number, "value"), f"{given.value} is no {given.type}"
 
 
 def _errors(words: Cia402) -> Iterator[tuple[KeyPath, str]]:

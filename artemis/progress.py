@@ -20,7 +20,9 @@ OWN_STEPS = ("calibrate", "follow", "goto", "wait", "teleop", "ask", *TIMELESS, 
 """Artemis' own steps and words: no behaviour can have such a name."""
 OF_BATTERY = ("charge_percent", "range_m", "time_left_s")
 """Signals that only a robot has whose file describes its battery."""
-MEASURED = ("run_s", "driven_m", "battery_v", *OF_BATTERY)
+ANY_BATTERY = ("battery_v", *OF_BATTERY)
+"""Signals that rise while the battery is charged."""
+MEASURED = ("run_s", "driven_m", *ANY_BATTERY)
 """Artemis' own signals that are numbers."""
 CONDITION_WORDS = ("and", "or", "not")
 TAKEN_SIGNALS = (*MEASURED, "round", "answer", *CONDITION_WORDS)

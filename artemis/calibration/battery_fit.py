@@ -2,14 +2,15 @@
 
 The voltage of each few seconds is that of the curve, at the charge that was left, less the drop by the current: least
 squares, with the charge at which each stretch begins. No voltage tells power and capacity apart, so one of them is held
-as the robot file has it; so is what the runs do not determine well.
+as the robot file has it. All others are fitted together: a number that the runs do not determine well is not told, and
+makes the intervals of those wider that depend on it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import exp, sqrt
+from math import exp, inf, sqrt
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -26,6 +27,8 @@ SCALES = (CAPACITY, IDLE, FORCE)
 """One of them has to be held."""
 WIDEST = 0.25
 """A number with a wider half of its 95 % interval, as a share of it, is not determined."""
+FARTHEST = 3.0
+"""Logarithm of the largest multiple of the robot file's number that is looked for: there it is not determined."""
 PARTS = 10
 """So often the fit is repeated without a part of the time."""
 QUANTILE = 2.26
@@ -54,7 +57,7 @@ class BatteryFit:
     values: dict[str, Fitted]
     """By key of `battery` in the robot file, `PER_METRE` among them where something was driven."""
     undetermined: dict[str, float] = field(default_factory=dict)
-    """Held, because the half of its interval would be so wide, as a share of it."""
+    """Half of its interval is so wide, as a share of it: more than `WIDEST`."""
     off: float
     """Root mean square of measured and fitted voltages' difference [V]."""
     fallen: float
@@ -62,27 +65,22 @@ class BatteryFit:
 
 
 def fit_battery(battery: Battery, logs: Sequence[BatteryLog], held: Sequence[str] = (FORCE,)) -> BatteryFit:
-    """Fit the numbers of `KEYS` that are not `held`.
+    """Fit the numbers of `KEYS` that are not `held`: none of them is zero.
 
     Raises:
         CalibrationError: the runs determine none of them, or do not fit the curve.
     """
-    free = [key for key in KEYS if key not in held]
-    undetermined: dict[str, float] = {}
-    while free:
-        fit = _Fit(battery, logs, free)
-        if fit.off > BADLY:
-            raise CalibrationError(
-                f"voltages are {fit.off:.2f} V off what fits best: charged meanwhile? another battery? another curve_v?"
-            )
-        worst = max(free, key=fit.half_width)
-        if fit.half_width(worst) <= WIDEST:
-            return fit.result(undetermined)
-        undetermined[worst] = fit.half_width(worst)
-        free.remove(worst)
-    raise CalibrationError(
-        f"the voltage fell by {fit.fallen:.2f} V, which determines nothing: drive longer, from a full battery on"
-    )
+    fit = _Fit(battery, logs, [key for key in KEYS if key not in held])
+    if fit.off > BADLY:
+        raise CalibrationError(
+            f"voltages are {fit.off:.2f} V off what fits best: charged meanwhile? another battery? another curve_v?"
+        )
+    found = fit.result()
+    if not found.values:
+        raise CalibrationError(
+            f"the voltage fell by {fit.fallen:.2f} V, which determines nothing: drive longer, from a full battery on"
+        )
+    return found
 
 
 class _Fit:
@@ -129,7 +127,7 @@ class _Fit:
 
     def _multiples(self, x: Array) -> dict[str, float]:
         told = dict(zip(self._free, x[len(self._logs) :], strict=True))
-        return {key: exp(min(max(float(told.get(key, 0.0)), -3.0), 3.0)) for key in KEYS}
+        return {key: exp(min(max(float(told.get(key, 0.0)), -FARTHEST), FARTHEST)) for key in KEYS}
 
     def _rest(self, log: BatteryLog, begin: float, x: Array) -> Array:
         """Voltage without load [V]; the curve goes straight on beyond its ends."""
@@ -149,22 +147,25 @@ class _Fit:
             off.append(log.volts - self._rest(log, float(begin), x) + ohms * amperes)
         return np.concatenate(off)
 
-    def half_width(self, key: str) -> float:
-        """Of the 95 % interval of a number, as a share of it."""
-        place = len(self._logs) + list(self._free).index(key)
-        return QUANTILE * sqrt(float(self._covariance[place, place]))
-
-    def result(self, undetermined: dict[str, float]) -> BatteryFit:
+    def result(self) -> BatteryFit:
         """In the units of the robot file."""
-        multiples, values = self._multiples(self._x), dict[str, Fitted]()
-        for key in self._free:
+        multiples, values, shares = self._multiples(self._x), dict[str, Fitted](), dict[str, float]()
+        for place, key in enumerate(self._free, len(self._logs)):
             before = float(getattr(self._battery, key))
             after = before * multiples[key]
-            values[key] = Fitted(before=before, after=after, half_width=after * self.half_width(key))
+            share = QUANTILE * sqrt(float(self._covariance[place, place]))
+            shares[key] = share if abs(self._x[place]) < FARTHEST else inf
+            values[key] = Fitted(before=before, after=after, half_width=after * share)
+        undetermined = {key: share for key, share in shares.items() if share > WIDEST}
         metres = float(sum(log.metres.sum() for log in self._logs))
-        if metres > LEAST_DRIVEN:
+        if metres > LEAST_DRIVEN and not {IDLE, FORCE}.intersection(undetermined):
             values[PER_METRE] = self._per_metre(metres, multiples)
-        return BatteryFit(values=values, undetermined=undetermined, off=self.off, fallen=self.fallen)
+        return BatteryFit(
+            values={key: value for key, value in values.items() if key not in undetermined},
+            undetermined=undetermined,
+            off=self.off,
+            fallen=self.fallen,
+        )
 
     def _per_metre(self, metres: float, multiples: dict[str, float]) -> Fitted:
         parts = {

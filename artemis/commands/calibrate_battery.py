@@ -45,6 +45,12 @@ def calibrate_battery(runs: Sequence[Path], hold: Sequence[str], robot_file: Pat
             f"--hold: one of {', '.join(SCALES)} has to be known: a voltage does not separate power from capacity"
         )
     battery, logs = _read(runs)
+    known = any(getattr(battery, key) for key in SCALES if key in held)
+    if zeros := [key for key in KEYS if getattr(battery, key) == 0.0 and not (known and key in held)]:
+        raise ConfigError(
+            f"battery.{zeros[0]} is 0 in the robot file: the fit tells by what factor a number is wrong; write an"
+            " estimate first"
+        )
     if robot_file is not None and load_model(robot_file, RobotFile).battery != battery:
         raise ConfigError(f"{robot_file}: its battery differs from that of the runs; drive again")
     found = fit_battery(battery, logs, held)
@@ -86,7 +92,7 @@ def _tell(battery: Battery, logs: Sequence[BatteryLog], found: BatteryFit, held:
         width = f"+- {value.half_width:.2g}"
         lines.append(f"{key:<18}{value.before:>10.3g}{value.after:>10.3g}{change:>+10.1%}{width:>14}")
     for key, width_share in found.undetermined.items():
-        why = f"not determined by these runs (+- {min(width_share, 9.99):.0%}), taken as it is"
+        why = f"not determined by these runs (+- {min(width_share, 9.99):.0%}), not written"
         lines.append(f"{key:<18}{getattr(battery, key):>10.3g}  {why}")
     lines += [f"{key:<18}{getattr(battery, key):>10.3g}  held" for key in held]
     sys.stdout.write("\n".join([*lines, ""]))

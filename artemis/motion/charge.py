@@ -6,14 +6,18 @@ too, and the resistance. A battery is a voltage that rises with the charge behin
 Kalman filtering for battery management systems", part 2, the simple model, doi 10.1016/j.jpowsour.2004.02.032; part 3
 for parameters in the state).
 
-What is learnt of each: the voltage falls as the charge is taken, which tells power by capacity; where driving and
-standing take turns, also of each alone; and it sags by what the wheels take, which tells the resistance. No voltage
-tells power and capacity apart: the range needs neither, watts and joules are those of the robot file's capacity.
+What is learnt of each while the robot drives: the voltage falls as the charge is taken, which tells power by capacity;
+where the wheels take more and less by turns, also of each alone; and it sags by what they take, which tells the
+resistance. No voltage tells power and capacity apart: the range needs neither, watts and joules are those of the robot
+file's capacity. While the robot stands it may be charged, so nothing is learnt then, and the charge alone follows a
+voltage that the estimate does not explain (a consider filter: Schmidt 1966, "Application of state-space methods to
+navigation problems"); the other numbers keep their uncertainty.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from itertools import product
 from math import sqrt
 
 from artemis.battery import HOUR, Battery, BatteryState
@@ -34,6 +38,9 @@ UNDER_LOAD = 2.0
 FIRST_M, RECENT_M, RECENT_S = 20.0, 100.0, 120.0
 """What a metre takes is the mean of the robot file's, which counts as so much way [m], and of what was driven, of both
 at most the second [m]; the mean power is of so long a time [s]."""
+STANDS, UNEXPLAINED = 0.01, 2.0
+"""Slower [m/s] the robot stands. Then only a voltage that is off by more than so many standard deviations counts, and
+only for the charge: a charger may be connected."""
 CHARGE, IDLE, FORCE, OHM = range(4)
 """Places in the state."""
 
@@ -67,8 +74,8 @@ class ChargeEstimate:
         """Of the last metres, both as the robot file has them [J/m]."""
         self._way = FIRST_M
         self._under_load = self._joules = self._drive_watts = 0.0
-        self._seconds = self._volts = self._idle_share = self._drive_share = 0.0
-        """Since the last correction: time, voltage times time, shares of the capacity as the robot file has it."""
+        self._seconds = self._volts = self._idle_share = self._drive_share = self._metres = 0.0
+        """Since the last correction: time, voltage times time, shares of the capacity as the robot file has it, way."""
 
     def update(self, volts: float, drives: Iterable[DriveFeedback], driven: float, dt: float) -> BatteryState:
         """The state after `dt` [s] at a supply voltage [V], in which the rear axle's centre rolled `driven` [m].
@@ -89,6 +96,7 @@ class ChargeEstimate:
             self._idle_per_metre += (battery.idle_w * dt - self._idle_per_metre * driven) / self._way
             self._drive_per_metre += (drive * dt - self._drive_per_metre * driven) / self._way
         self._seconds += dt
+        self._metres += driven
         self._volts += volts * dt
         self._idle_share += idle_share
         self._drive_share += drive_share
@@ -123,13 +131,21 @@ class ChargeEstimate:
         off = self._volts / seconds - (rest - state[OHM] * drop)
         towards = [total(a * b for a, b in zip(row, moves, strict=True)) for row in self._var]
         spread = total(a * b for a, b in zip(moves, towards, strict=True)) + NOISE**2
-        for row, (place, reached) in zip(self._var, enumerate(towards), strict=True):
-            state[place] += reached / spread * off
-            for column, other in enumerate(towards):
-                row[column] -= reached * other / spread
+        learnt: Iterable[int] = range(4)
+        if self._metres <= STANDS * seconds:
+            learnt = (CHARGE,) if off * off > UNEXPLAINED**2 * spread else ()
+            for place in learnt:  # as much as it is off was charged, or taken
+                self._var[place][place] += (off / slope) ** 2
+                towards[place] += off * off / slope
+                spread += off * off
+        for place in learnt:
+            state[place] += towards[place] / spread * off
+        for place, column in product(range(4), repeat=2):
+            if place in learnt or column in learnt:
+                self._var[place][column] -= towards[place] * towards[column] / spread
         state[CHARGE] = min(max(state[CHARGE], 0.0), 1.0)
         state[1:] = [min(max(multiple, 0.3), 3.0) for multiple in state[1:]]
-        self._seconds = self._volts = self._idle_share = self._drive_share = 0.0
+        self._seconds = self._volts = self._idle_share = self._drive_share = self._metres = 0.0
 
     def _spread(self, idle_share: float, drive_share: float, seconds: float) -> None:
         """The charge becomes as uncertain as what was taken; what the robot file says drifts."""

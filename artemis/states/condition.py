@@ -15,7 +15,7 @@ from typing import Any
 from msgspec import Struct
 
 from artemis.errors import ConfigError, similar
-from artemis.progress import CONDITION_WORDS
+from artemis.progress import ANY_BATTERY, CONDITION_WORDS
 
 Value = float | str | bool
 Signals = Mapping[str, Value]
@@ -109,6 +109,11 @@ def comparisons(condition: Condition) -> Iterator[Has | Compare]:
         return
     for part in (condition.of,) if isinstance(condition, Not) else condition.of:
         yield from comparisons(part)
+
+
+def asks_battery(condition: Condition | None) -> bool:
+    """Whether it asks for a signal that rises while the battery is charged."""
+    return condition is not None and any(part.signal in ANY_BATTERY for part in comparisons(condition))
 
 
 def names_asked(text: str) -> set[str]:

@@ -98,7 +98,7 @@ class FollowMode:
             return stand(snapshot, fault=fault)
         if drive is None or self._fault is not None:
             return stand(snapshot, fault=self._fault)
-        if self._short:
+        if self._short and not self.shared.rests:  # else the mission does something else already
             ended = stand(snapshot, event=Event.DONE if snapshot.standing else None)
             return replace(ended, phase=self._short, outcome=SHORT if snapshot.standing else "")
         following = drive.step(snapshot)

@@ -18,6 +18,7 @@ from artemis.progress import DONE, Acted, MissionEvent, Position
 from artemis.scan import ObstacleRules
 from artemis.states.advance import MissionFacts, Passive, advance, told_after
 from artemis.states.answers import answers_to
+from artemis.states.condition import asks_battery
 from artemis.states.route_progress import RouteProgress
 from artemis.states.tree import Tree, fault_names, list_of
 from artemis.supervision.catalogue import ROWS
@@ -194,9 +195,16 @@ class Plan(Struct, frozen=True, kw_only=True):
         steps = [step for step in self.steps if isinstance(step, TeleopStep)]
         return frozenset(name for step in steps for name in step.lower) - {step.input for step in steps}
 
-    def length_of(self, step: int) -> float:
-        """Of the path that a step follows [m]; 0: it has none, or it is made only when the step begins."""
+    def length_of(self, step: int) -> float | None:
+        """Of the path that a step follows [m]; 0: it has none, or it is made only when the step begins.
+
+        None: the battery may be charged in it, by a person or a behaviour, or while it waits for a charged battery.
+        """
         found = self.steps[step]
+        if isinstance(found, AskStep | TeleopStep | BehaviourStep):
+            return None
+        if isinstance(found, WaitStep) and asks_battery(found.condition):
+            return None
         return found.route.length if isinstance(found, FollowStep) and isinstance(found.route, Route) else 0.0
 
     def drives(self, role: str | None = None) -> list[str]:

@@ -13,7 +13,7 @@ RUN = """
 import sys
 from pathlib import Path
 from artemis.commands import run
-run._conclude = lambda outcome: print("imported:", *sys.modules)
+run._conclude = lambda *_: print("imported:", *sys.modules)
 sys.exit(run.run_and_report(Path(sys.argv[1]), True))
 """
 RUN_AND_REPORT = """

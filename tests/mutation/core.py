@@ -20,6 +20,7 @@ CORE: Mapping[str, tuple[str, ...]] = {
     "states/blocked.py": ("unit/test_core_obstacles.py", "unit/test_mode_goto.py"),
     "states/goto.py": ("unit/test_mode_goto.py", "simulation/test_asked_goals.py"),
     "states/modes.py": (
+        "unit/test_answering.py",
         "unit/test_modes.py",
         "unit/test_core.py",
         "unit/test_core_obstacles.py",
@@ -48,6 +49,7 @@ CORE: Mapping[str, tuple[str, ...]] = {
         *_MODES,
     ),
     "states/ready.py": (
+        "unit/test_mode_recorded.py",
         "unit/test_mode_goto.py",
         "unit/test_modes.py",
         "unit/test_hand_over.py",
@@ -64,7 +66,12 @@ CORE: Mapping[str, tuple[str, ...]] = {
     "states/parts.py": ("unit/test_parts.py", "properties/test_reversing_properties.py"),
     "states/requests.py": ("unit/test_requests.py",),
     "states/act.py": ("unit/test_mode_act.py", *_MISSION, "unit/test_mission_behaviours.py"),
-    "states/follow.py": ("unit/test_mode_follow_exactly.py", "unit/test_mode_follow.py", "unit/test_mode_goto.py"),
+    "states/follow.py": (
+        "unit/test_mode_follow_exactly.py",
+        "unit/test_mode_follow.py",
+        "unit/test_mode_goto.py",
+        "unit/test_mode_recorded.py",
+    ),
     "states/homing.py": ("unit/test_homing.py",),
     "states/quickstop.py": _STOPS,
     "states/fault.py": _STOPS,

@@ -264,6 +264,10 @@ def test_an_error_code_of_the_maker_s_own_means_the_row_that_the_robot_file_says
     ("words", "told"),
     [
         ({"absent": [0x6040]}, r"absent\[0\]: expected one of 0x6065, .*, found 0x6040"),
+        (
+            {"absent": [0x6065], "settings": [{"index": 0x6065, "type": "u32", "value": 1000}]},
+            r"cia402\.settings\[0\]: 0x6065.* is one that the drive lacks \(`absent`\)",
+        ),
         ({"errors": [{"code": 0x8611, "row": "DRV-11"}]}, "0x8611 means DRV-25 already"),
         ({"errors": [{"code": 0x7305, "row": "DRV-11"}] * 2}, "0x7305 is given twice"),
         ({"errors": [{"code": 0x7305, "row": "DRV-99"}]}, "DRV-99 is no error that a drive reports: see"),

@@ -350,6 +350,35 @@ def test_enabling_waits_for_those_that_are_wanted() -> None:
     assert held.play() is None
 
 
+@pytest.mark.parametrize(
+    ("opened", "found"),
+    [
+        (NAMES, ("EST-01", "", "the STO inputs of all drives are open")),
+        ([LEFT], ("DRV-29", LEFT, "they read 0x02")),
+        (STEERING, ("DRV-29", LEFT, f"they read 0x02; open at {RIGHT}, too")),
+    ],
+)
+def test_a_drive_that_stays_off_is_asked_for_its_sto_inputs(opened: list[str], found: tuple[str, str, str]) -> None:
+    player = RoutinePlayer(Shared(Plan(robot=EPOS4, steps=())), lambda s, seen: enable(s, ON, seen))
+    player.drives.lazy = {LEFT}
+    player.told = {(JobKind.READ_STO, name): (2,) for name in opened}
+    fault = refused(player)
+    assert (fault.id, fault.device) == found[:2]
+    assert found[2] in fault.text
+    assert [name for kind, name in player.kinds if kind is JobKind.READ_STO] == list(EPOS4.drives)
+
+
+@pytest.mark.parametrize("robot", [ROBOT, EPOS4])
+def test_a_drive_that_stays_off_for_another_reason_is_waited_for(robot: RobotFile) -> None:
+    player = RoutinePlayer(Shared(Plan(robot=robot, steps=())), lambda s, seen: enable(s, ON, seen))
+    player.drives.lazy = {LEFT}
+    for _ in range(50):
+        assert player.tick().fault is None
+    player.drives.lazy = set()
+    assert player.play() is None
+    assert len(player.jobs) == (len(EPOS4.drives) if robot is EPOS4 else 0), "once"
+
+
 def to(target: float, errors: dict[str, list[float]] | None = None) -> Any:
     return lambda s, seen: steer(s.plan, target, seen, {} if errors is None else errors, "turning")
 

@@ -84,6 +84,15 @@ class Plant:
         self.slow_resistance = 0.02 * self.dice.random()
         self.speed = 0.5
 
+    def stand(self, charged: float = 0.0) -> tuple[float, tuple[DriveFeedback, ...], float]:
+        """The same of a robot that stands while a charger gives so much [A]."""
+        rest, _ = self.known.voltage_at(self.charge)
+        amperes = self.idle / rest - charged
+        self.charge -= amperes / self.capacity
+        self.joules += self.idle
+        self.recovering -= self.recovering / 300.0
+        return round(rest - self.resistance * amperes - self.recovering + self.dice.gauss(0.0, 0.02), 1), (), 0.0
+
     def second(self) -> tuple[float, tuple[DriveFeedback, ...], float]:
         """Measured voltage, what the drives say, and the way driven."""
         if self.dice.random() < 0.05:
@@ -122,6 +131,53 @@ def test_the_range_is_right_within_a_tenth_from_half_charge_on(seed: int) -> Non
             assert state.range_m == pytest.approx(left, abs=0.003 * plant.metres)
         assert abs(state.range_m - left) < 2.5 * state.range_std_m
     assert told[-1][2].joules == pytest.approx(plant.joules, rel=0.15)
+
+
+@pytest.mark.parametrize(("rate", "seconds"), [(0.1, 7200), (0.3, 3600), (1.0, 1200), (0.0, 3600)])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_charger_teaches_nothing_but_the_charge(seed: int, rate: float, seconds: int) -> None:
+    """At so much of the capacity in an hour, more than the robot takes; 0: it holds the charge."""
+    plant = Plant(Random(seed))
+    estimate = ChargeEstimate(plant.known, ROBOT)
+    before = [estimate.update(*plant.second(), 1.0) for _ in range(2400)][-1]
+    assert plant.charge < 0.8
+    amperes = rate * plant.known.capacity_ah + plant.idle / 25.0
+    for _ in range(seconds):
+        charged = estimate.update(*plant.stand(amperes if plant.charge < 0.95 else plant.idle / 25.0), 1.0)
+    assert charged.watts == pytest.approx(plant.idle, rel=0.25)
+    whole = before.range_m / (before.charge - 0.1)
+    assert charged.range_m / (charged.charge - 0.1) == pytest.approx(whole, rel=0.05)
+    told: list[tuple[float, float, BatteryState]] = []
+    while plant.charge > TELLS:
+        metres, charge = plant.metres, plant.charge
+        told.append((metres, charge, estimate.update(*plant.second(), 1.0)))
+    reserve = plant.known.reserve_percent / 100.0
+    end = plant.metres + (plant.charge - reserve) * (plant.metres - told[-600][0]) / (told[-600][1] - plant.charge)
+    for metres, _, state in told[60:]:
+        assert state.range_m == pytest.approx(end - metres, rel=0.15)
+        assert abs(state.range_m - (end - metres)) < 2.5 * state.range_std_m
+
+
+@pytest.mark.parametrize(("drives", "stands"), [(30, 10), (60, 60), (300, 150)])
+@pytest.mark.parametrize("seed", range(6))
+def test_the_range_is_right_within_a_tenth_where_driving_and_standing_take_turns(
+    seed: int, drives: int, stands: int
+) -> None:
+    plant = Plant(Random(seed))
+    estimate = ChargeEstimate(plant.known, ROBOT)
+    told: list[tuple[float, float, float, BatteryState]] = []
+    taken = 0.0  # by driving alone
+    while plant.charge > 0.1:
+        metres, charge, driving = plant.metres, plant.charge, len(told) % (drives + stands) < drives
+        state = estimate.update(*(plant.second() if driving else plant.stand()), 1.0)
+        told.append((metres, charge, taken, state))
+        taken += charge - plant.charge if driving else 0.0
+    late = [each for each in told if TELLS < each[1] < 0.5]
+    assert len(late) > 1000
+    for metres, charge, before, state in late:
+        left = (charge - 0.1) * (plant.metres - metres) / (taken - before)
+        assert state.range_m == pytest.approx(left, rel=0.1)
+        assert abs(state.range_m - left) < 2.0 * state.range_std_m
 
 
 def test_without_load_the_charge_is_that_of_the_voltage_and_time_is_left_by_what_is_taken() -> None:

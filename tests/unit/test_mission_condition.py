@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from artemis.errors import ConfigError
-from artemis.states.condition import Compare, Has, SignalKind, Signals, comparisons, holds, parse
+from artemis.states.condition import Compare, Has, SignalKind, Signals, comparisons, holds, names_asked, parse
 
 DECLARED = {
     "battery_v": SignalKind(kind=float),
@@ -108,3 +108,7 @@ def test_what_it_asks_of_single_signals_is_known_from_left_to_right() -> None:
     condition = parse("not (blocked and run_s > 5) or answer == 'left'", DECLARED)
     asked = [Has("blocked"), Compare("run_s", ">", 5.0), Compare("answer", "==", "left")]
     assert list(comparisons(condition)) == asked
+
+
+def test_names_in_a_broken_text_are_those_of_signals() -> None:
+    assert names_asked("not (run_s > 5 and stick.done) or answer == 'left' and )") == {"run_s", "stick.done", "answer"}

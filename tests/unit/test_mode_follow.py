@@ -26,8 +26,9 @@ from msgspec.structs import replace
 from artemis.battery import BatteryState
 from artemis.motion.path import Path
 from artemis.plugins.contracts import Following
+from artemis.states.condition import Both, Compare, Has, Not
 from artemis.states.follow import CERTAIN, CONTRADICTED, FollowMode
-from artemis.states.plan import FollowStep, Shared
+from artemis.states.plan import AskStep, FollowStep, Shared, TeleopStep, WaitStep
 from artemis.values import (
     DriveCommand,
     Event,
@@ -380,6 +381,32 @@ def test_noise_of_the_estimate_ends_nothing(metres: float, std: float, every: in
         lacks = every == 1 or number % every
         battery = reaching(left + (metres if lacks and number else 1.0), std)
         assert player.tick(battery=battery).command.speed > 0.0
+
+
+def test_a_step_that_comes_to_rest_for_something_else_does_not_end_with_battery_short() -> None:
+    """The mission does already what it says for a low battery."""
+    player, _, steps = follow()
+    left = following().tracking.length - following().tracking.arc_length
+    player.tick(battery=reaching(left + 0.1))
+    for _ in range(round(CERTAIN / PERIOD) + 1):
+        player.tick(battery=reaching(left - 1.0))
+    steps.rests = True
+    moving = player.tick(battery=reaching(left - 1.0), standing=False, set_points=SetPoints(steering=0.2))
+    assert (moving.command, moving.outcome, moving.event) == (DriveCommand(steering=0.2), "", None)
+    ended = player.tick(battery=reaching(left - 1.0))
+    assert (ended.outcome, ended.event) == ("", Event.DONE)
+
+
+def test_steps_in_which_the_battery_may_be_charged_have_no_length() -> None:
+    asked = Compare("charge_percent", ">", 80.0)
+    plan = shared(
+        FollowStep(route=ROUTE, follower=StubFollower()),
+        WaitStep(condition=Compare("run_s", ">", 80.0)),
+        WaitStep(condition=Both((Not(asked), Has("stick.done")))),
+        AskStep(question="charged?"),
+        TeleopStep(input="stick", seconds=None),
+    ).plan
+    assert [plan.length_of(number) for number in range(5)] == [ROUTE.length, 0.0, None, None, None]
 
 
 def test_a_path_is_begun_only_where_the_battery_reaches_all_that_is_certain_to_follow() -> None:

@@ -45,6 +45,7 @@ from artemis.values import (
     Odometry,
     Pose,
     SetPoints,
+    Severity,
     Snapshot,
     Wish,
 )
@@ -212,6 +213,20 @@ def test_a_recorded_path_is_followed_as_its_step_says() -> None:
     assert back.path.at(0.0).x == pytest.approx(3.0, abs=0.01)
     mode, _ = recorded(backward=True)
     assert stepped(mode, 0.1).command.speed == pytest.approx(-0.3)
+
+
+def test_laps_of_a_recorded_path_that_is_open_are_a_fault() -> None:
+    follower = PathTaker()
+    steps = shared(FollowStep(route="shown", follower=follower, laps=2))
+    steps.route.drive(packed_route(ROUTE))
+    player = Player(FollowMode(steps))
+    for _ in range(2):
+        wish = player.tick(set_points=SetPoints(steering=0.2))
+        assert fault_of(wish) == ("PTH-01", "")
+        assert wish.fault is not None
+        assert wish.fault.severity is Severity.CONTROLLED_STOP
+        assert "laps: 2" in wish.fault.text
+        assert wish.command == DriveCommand(steering=0.2)
 
 
 @pytest.mark.parametrize(("changes", "again"), [({}, False), ({"entry": 1}, True), ({"planned": (1, 2)}, True)])

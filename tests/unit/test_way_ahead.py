@@ -9,6 +9,7 @@ import pytest
 from mission_trees import Walker, built
 
 from artemis.progress import Position
+from artemis.states.condition import asks_battery
 from artemis.states.way_ahead import way_ahead
 
 METRES = {"a.csv": 1.0, "b.csv": 10.0, "c.csv": 100.0, "d.csv": 1000.0}
@@ -30,7 +31,12 @@ def ahead(*steps: Mapping[str, Any], position: Position | None = None) -> float:
     """Of a mission, at a position in it."""
     made = built(*steps)
     paths = [str(step.follow.path) if step.follow is not None else "" for _, step in made.steps]
-    return way_ahead(made.tree, position or Walker(*steps).position, lambda number: METRES.get(paths[number], 0.0))
+
+    def length(number: int) -> float | None:
+        passive = made.passive[number]
+        return None if passive and asks_battery(passive.condition) else METRES.get(paths[number], 0.0)
+
+    return way_ahead(made.tree, position or Walker(*steps).position, length)
 
 
 @pytest.mark.parametrize(
@@ -103,6 +109,57 @@ def test_steps_that_begin_anew_after_a_when_count_whole() -> None:
     walker.tick(run_s=10.0)
     assert walker.present == "steps.0.during.when.0.steps.0.follow"
     assert ahead(during, D, position=walker.position) == 1011.0
+
+
+CHARGE = {"wait": {"for": "charge_percent > 90"}}
+
+
+def charging(then: str, **keys: Any) -> dict[str, Any]:  # noqa: ANN401 (as a file writes them)
+    """A patrol of 20 rounds whose `when` drives to the charger."""
+    when = {"if": "charge_percent < 30", "steps": [A, CHARGE], "then": then, **keys}
+    return {"during": {"steps": [{"repeat": {"times": 20, "steps": [D]}}], "when": [when]}}
+
+
+CAUGHT = {"steps": [D], "catch": {"battery-short": [A, CHARGE]}}
+AGAIN = {"retries": 3, "again_on": ["battery-short"], "steps": [D], "between": [A, CHARGE]}
+
+
+@pytest.mark.parametrize(
+    ("steps", "metres"),
+    [
+        ([A, B, CHARGE, D], 10.0),
+        ([A, {"wait": {"for": "run_s > 9"}}, B], 10.0),
+        ([{"repeat": {"times": 20, "steps": [A, CHARGE, B]}}], 0.0),
+        ([{"repeat": {"times": 20, "steps": [A, B, CHARGE]}}], 10.0),
+        ([{"repeat": {"until": "charge_percent > 90", "steps": [A, B, WAIT]}}, D], 10.0),
+        ([A, {"choose": [{"if": "charge_percent < 30", "steps": [B, CHARGE]}]}, D], 10.0),
+        ([charging("restart"), D], 0.0),
+        ([charging("resume"), D], 0.0),
+        ([charging("resume", **{"if": "run_s > 99"}), D], 0.0),
+        ([charging("resume", steps=[A, WAIT]), D], 0.0),
+        ([A, charging("restart"), D], 0.0),
+        ([A, charging("low", steps=None), D], 1000.0),
+        ([A, {"during": {"at_most_s": 9, "steps": [B, CHARGE]}}, D], 0.0),
+        ([A, {"try": CAUGHT}, D], 1000.0),
+        ([{"repeat": {"times": 20, "steps": [{"try": CAUGHT}]}}], 0.0),
+        ([{"repeat": {"times": 20, "steps": [{"try": AGAIN}]}}], 0.0),
+        ([{"repeat": {"times": 20, "steps": [{"try": {**AGAIN, "again_on": ["blocked"]}}]}}], 19000.0),
+        ([{"repeat": {"times": 20, "steps": [{"try": {**CAUGHT, "catch": {"blocked": [CHARGE]}}}]}}], 19000.0),
+        ([{"repeat": {"times": 20, "steps": [{"try": {**CAUGHT, "catch": {"any": [CHARGE]}}}]}}], 0.0),
+    ],
+)
+def test_what_follows_a_step_that_may_charge_counts_not(steps: list[dict[str, Any]], metres: float) -> None:
+    assert ahead(*steps) == metres
+
+
+def test_what_follows_the_last_charge_counts() -> None:
+    steps = [CHARGE, A, {"try": {"retries": 1, "steps": [B], "between": [CHARGE, C], "again_on": ["battery-short"]}}, D]
+    walker = Walker(*steps)
+    assert ahead(*steps, position=walker.position) == 11.0
+    walker.tick(charge_percent=95.0)
+    walker.tick("done")
+    walker.tick("battery-short", charge_percent=50.0)
+    assert ahead(*steps, position=walker.position) == 110.0
 
 
 def test_before_the_first_step_nothing_counts() -> None:
