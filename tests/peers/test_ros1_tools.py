@@ -205,7 +205,7 @@ def test_what_rostopic_has_kept_arms_nothing_but_a_stop_that_it_has_kept_stops(r
             if holds():
                 return
             pause.wait(0.02)
-        raise AssertionError("that never holds")
+        raise AssertionError(f"that never holds: {problems}, {requests}")
 
     try:
         for number in (1, 2):
