@@ -29,13 +29,16 @@ BEGIN, END = 6.0, 8.0
 
 
 class Commanded(Ros1Input):
-    """One whose network is the test."""
+    """One whose network is the test, in virtual time."""
 
     def _open(self) -> None:
         pass
 
     def _heard(self) -> tuple[bool, str]:
         return True, ""
+
+    def _arrival(self) -> float:
+        return self._clock()
 
 
 def test_commands_are_replayed_without_the_packages_of_ros(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
