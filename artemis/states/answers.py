@@ -7,6 +7,8 @@ from collections.abc import Iterable, Sequence
 from artemis.progress import MissionEvent
 from artemis.values import Sensed
 
+IGNORED = "answer"
+"""Kind of the events on answers that no question takes."""
 _APART = 0.01
 """Two questions begin farther apart than this [s]."""
 
@@ -26,7 +28,7 @@ def answers_without_mission(sensed: Sensed) -> tuple[MissionEvent, ...]:
 
 
 def _ignored(answers: Iterable[str], why: str) -> tuple[MissionEvent, ...]:
-    return tuple(MissionEvent(kind="answer", place="", text=f"{answer} is ignored: {why}") for answer in answers)
+    return tuple(MissionEvent(kind=IGNORED, place="", text=f"{answer} is ignored: {why}") for answer in answers)
 
 
 def given_answer(given: str, answers: Sequence[str]) -> str:

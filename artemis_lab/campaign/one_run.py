@@ -22,6 +22,7 @@ from artemis.recording.mcap_reader import Recording
 from artemis.recording.provenance import ResumePoint
 from artemis.recording.replay import replay
 from artemis.sim.world import World
+from artemis.states.answers import IGNORED
 from artemis.values import Tick
 from artemis_lab.campaign.monitor import judge
 from artemis_lab.campaign.monitor.evidence import LATE_SCANS, Evidence, Injected, Stick, Violation
@@ -182,7 +183,8 @@ class _Mission:
             if self.watch is not None:
                 self.watch(tick, traffic)
             time = tick.snapshot.time
-            events.extend((time, f"{event.kind} {event.text} {event.place}") for event in tick.events)
+            kept = [event for event in tick.events if event.kind != IGNORED]  # a resumed run is brought up once more
+            events.extend((time, f"{event.kind} {event.text} {event.place}") for event in kept)
             if killed_at is not None and time >= killed_at:
                 raise _Killed
             if time > given.longest:

@@ -55,6 +55,7 @@ def ahead(*steps: Mapping[str, Any], position: Position | None = None) -> float:
         ([LEFT, D], 1000.0),
         ([A, LEFT, D], 1000.0),
         ([{"together": {"steps": [A, B], "beside": [WAIT]}}, C], 110.0),
+        ([A, {"together": {"steps": [B], "beside": [WAIT]}}, C], 110.0),
         ([{"choose": [{"if": "run_s > 9", "steps": [D]}, {"steps": [A, B]}]}, C], 110.0),
         ([{"repeat": {"times": 3, "steps": [A, B]}}, C], 132.0),
         ([{"repeat": {"until": "run_s > 9", "steps": [A, B]}}, C], 110.0),
