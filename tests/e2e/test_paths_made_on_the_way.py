@@ -91,6 +91,7 @@ def test_no_tick_fits_a_path_or_loads_a_module(tmp_path: Path, mission: Callable
     assert done.stdout.partition("loaded in ticks:")[2].split() == []
 
 
+@pytest.mark.slow
 @pytest.mark.realtime
 @pytest.mark.timeout(180)
 @pytest.mark.parametrize("mission", [to_a_place, shown])

@@ -1,4 +1,4 @@
-"""Three readers lose nothing: 20 s of what `python -m tests.peers.bridge_load` does for ten minutes."""
+"""Three readers lose nothing: eight seconds of what `python -m tests.peers.bridge_load` does for ten minutes."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from bridge_load import OF, READERS, TOPICS, measure
 
 pytestmark = [pytest.mark.realtime, pytest.mark.exhaustive]
 
-SECONDS = 20.0
+SECONDS = 8.0
 
 
 @pytest.mark.parametrize("of", OF)
-def test_nothing_is_lost_in_twenty_seconds(of: str) -> None:
+def test_nothing_is_lost(of: str) -> None:
     found = measure(of, SECONDS)
     assert len(found) == READERS * len(TOPICS)
     assert [told.lost for told in found] == [0] * len(found)

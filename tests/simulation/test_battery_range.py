@@ -77,7 +77,9 @@ def _under_way(rig: Rig, battery: Battery) -> list[tuple[float, float, BatterySt
     return [(charge, end - metre, told) for (charge, _, told), metre in zip(seen, metres, strict=True)]
 
 
-@pytest.mark.parametrize("robot", ["artemis_battery.yaml", "artemis_epos4.yaml"])
+@pytest.mark.parametrize(
+    "robot", ["artemis_battery.yaml", pytest.param("artemis_epos4.yaml", marks=pytest.mark.exhaustive)]
+)
 @pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.exhaustive) for seed in range(2, 9))])
 def test_from_half_charge_on_the_range_is_right_within_a_tenth(tmp_path: Path, seed: int, robot: str) -> None:
     """Of a battery that was full when the run began."""

@@ -40,7 +40,7 @@ def test_the_truth_of_the_real_runs_was_stretched_onto_the_times_of_the_odometry
 
 
 @pytest.mark.slow
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize(
     "fitted", SPLITS, ids=lambda names: "+".join(name[8:10] + name[10:12] + name[-1] for name in names)
 )
