@@ -157,9 +157,9 @@ def pytest_runtest_makereport(
     return report
 
 
-def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """One more than there are processors: the one with the tests in real time mostly waits. Two where most are such."""
-    return (os.cpu_count() or 1) + (2 if config.getoption("left") else 1)
+def pytest_xdist_auto_num_workers() -> int:
+    """One more than there are processors: the one with the tests in real time mostly waits."""
+    return (os.cpu_count() or 1) + 1
 
 
 @pytest.fixture(scope="module", autouse=True)

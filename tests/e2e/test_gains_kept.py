@@ -56,26 +56,27 @@ def mission(folder: Path, port: int) -> Path:
 
 
 def position_gains(port: int, *, restart: bool = False) -> tuple[int, ...]:
-    """What the drive has now, read by nobody of ours; or after a node reset, when only what was stored is left."""
+    """What the drive has now, read by python-can alone; or after a node reset, when only what was stored is left."""
     with can.Bus(GROUP, interface="udp_multicast", port=port, hop_limit=0) as bus:
 
-        def answer(identifier: int) -> bytes:
-            while (frame := bus.recv(PATIENCE)) is not None:
-                if frame.arbitration_id == identifier:
-                    return bytes(frame.data)
-            raise AssertionError("the bus is silent")
-
-        def send(identifier: int, data: bytes) -> None:
-            bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
+        def ask(identifier: int, data: bytes, answered_by: int, begins: bytes) -> bytes:
+            """Multicast may lose a frame: it is sent once more."""
+            for _ in range(5):
+                bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
+                for _ in range(100):  # of others' heartbeats between
+                    if (frame := bus.recv(1.0)) is None:
+                        break
+                    if frame.arbitration_id == answered_by and bytes(frame.data).startswith(begins):
+                        return bytes(frame.data)
+            raise AssertionError(f"0x{identifier:03X} is not answered")
 
         if restart:
-            send(0x000, bytes((0x81, NODE)))
-            while answer(0x700 + NODE) != b"\0":
-                pass
+            ask(0x000, bytes((0x81, NODE)), 0x700 + NODE, b"\0")
         found = []
         for sub in (1, 2, 3):
-            send(0x600 + NODE, bytes((0x40, POSITION_GAINS & 0xFF, POSITION_GAINS >> 8, sub, 0, 0, 0, 0)))
-            found.append(int.from_bytes(answer(0x580 + NODE)[4:6], "little"))
+            place = bytes((POSITION_GAINS & 0xFF, POSITION_GAINS >> 8, sub))
+            data = ask(0x600 + NODE, bytes((0x40, *place, 0, 0, 0, 0)), 0x580 + NODE, b"\x4b" + place)
+            found.append(int.from_bytes(data[4:6], "little"))
         return tuple(found)
 
 
