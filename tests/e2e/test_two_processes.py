@@ -177,6 +177,7 @@ def test_a_host_that_is_killed_while_driving_is_noticed_and_every_drive_stops(
         return int.from_bytes(frame.data[2:6], "little", signed=True)
 
     def has_driven(frame: can.Message) -> bool:
+        assert host.poll() is None, stream(host.stdout).read()
         return frame.arbitration_id == 0x180 + wheel and position(frame) > a_tenth
 
     with listener(port) as third, simulated_robot(port), started("run", udp_mission(tmp_path, port)) as host:
