@@ -180,12 +180,15 @@ def test_goals_and_poses_of_the_tools_of_ros_are_passed_on(ros: Ros) -> None:
 
 
 def cut(device: Ros1Input) -> None:
-    """Have an input lose every connection that it has."""
+    """Have an input lose every connection that it has; one from which it does not read just now is not in the map."""
     assert device._thread is not None
-    for fd in list(device._thread._loop._selector.get_map()):  # type: ignore[attr-defined]
-        with suppress(OSError), socket.socket(fileno=os.dup(fd)) as each:
-            if each.family == socket.AF_INET and each.getpeername():  # one that listens has no peer
-                each.shutdown(socket.SHUT_RDWR)
+    pause = Event()
+    while any(subscription.connected for subscription in device._thread.node.subscriptions.values()):
+        for fd in list(device._thread._loop._selector.get_map()):  # type: ignore[attr-defined]
+            with suppress(OSError), socket.socket(fileno=os.dup(fd)) as each:
+                if each.family == socket.AF_INET and each.getpeername():  # one that listens has no peer
+                    each.shutdown(socket.SHUT_RDWR)
+        pause.wait(0.01)
 
 
 def test_what_rostopic_has_kept_arms_nothing_but_a_stop_that_it_has_kept_stops(ros: Ros) -> None:
