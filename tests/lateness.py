@@ -34,8 +34,8 @@ def _watch() -> None:
 def excuse(begun: float, ended: float, shown: str) -> str:
     """Why a failure in real time between two dates [s] proves nothing; empty: it does prove something.
 
-    A run that it shows may have stopped itself, for a host or for drives in another process that were late. That this is
-    no defect is shown by `--late`, which repeats the test alone.
+    A run that it shows may have stopped itself, as the host, or drives in another process, were late. That this is no
+    defect is shown by `--late`, which repeats the test alone.
     """
     if row := next((row for row in LATE_ROWS if f"{row} " in shown), None):
         return shown[shown.index(row) :].splitlines()[0]
