@@ -9,12 +9,12 @@ from pathlib import Path
 from artemis.battery import Battery
 from artemis.calibration.battery_fit import FORCE, KEYS, SCALES, BatteryFit, fit_battery
 from artemis.calibration.battery_log import BatteryLog, battery_logs
-from artemis.commands.terminal import confirmed
+from artemis.commands.written_values import check_yes, write_values
 from artemis.errors import ConfigError
 from artemis.mission.loading import load_model
 from artemis.recording.mcap_reader import Recording
 from artemis.vehicle import RobotFile
-from artemis.yaml_edit import Keys, edit
+from artemis.yaml_edit import Keys
 from artemis.yaml_file import Data
 
 DIGITS = 3
@@ -35,8 +35,7 @@ def calibrate_battery(runs: Sequence[Path], hold: Sequence[str], robot_file: Pat
         RecordingError: a recording cannot be read, or tells no voltage.
         CalibrationError: the runs determine nothing.
     """
-    if yes and robot_file is None:
-        raise ConfigError("--yes confirms what --write ROBOT writes: say which robot file")
+    check_yes(robot_file, yes=yes)
     if wrong := [key for key in hold if key not in KEYS]:
         raise ConfigError(f"--hold: {wrong[0]} is none of {', '.join(KEYS)}")
     held = list(hold) or [FORCE]
@@ -58,13 +57,7 @@ def calibrate_battery(runs: Sequence[Path], hold: Sequence[str], robot_file: Pat
     wanted: dict[Keys, Data] = {
         ("battery", key): float(f"{value.after:.{DIGITS}g}") for key, value in found.values.items()
     }
-    if robot_file is None:
-        sys.stdout.write("not written; --write ROBOT writes the new values into the robot file\n")
-    elif not yes and not confirmed("calibrate battery", f"write the new values into {robot_file}?"):
-        sys.stdout.write(f"not written: {robot_file}\n")
-    else:
-        edit(robot_file, wanted)
-        sys.stdout.write(f"written: {robot_file}\n")
+    write_values("calibrate battery", robot_file, wanted, yes=yes)
 
 
 def _read(runs: Sequence[Path]) -> tuple[Battery, list[BatteryLog]]:

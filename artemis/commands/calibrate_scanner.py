@@ -9,14 +9,14 @@ from pathlib import Path
 from artemis.calibration.scanner_drive import ScannerDrive, scanner_drive
 from artemis.calibration.scanner_fit import MountingFit, fit_mounting
 from artemis.commands.map_readings import scanner_of
-from artemis.commands.terminal import confirmed
+from artemis.commands.written_values import check_yes, write_values
 from artemis.errors import ConfigError
 from artemis.mapping.kernels import COMPILED, NOTICE
 from artemis.mission.loading import load_model
 from artemis.mounting import Mounting
 from artemis.recording.mcap_reader import Recording
 from artemis.vehicle import RobotFile
-from artemis.yaml_edit import Keys, edit
+from artemis.yaml_edit import Keys
 from artemis.yaml_file import Data
 
 METRE_DIGITS, DEGREE_DIGITS = 4, 2
@@ -37,8 +37,7 @@ def calibrate_scanner(run: Path, scanner: str | None, robot_file: Path | None, *
         RecordingError: the recording cannot be read.
         CalibrationError: the run does not show the mounting.
     """
-    if yes and robot_file is None:
-        raise ConfigError("--yes confirms what --write ROBOT writes: say which robot file")
+    check_yes(robot_file, yes=yes)
     recording = Recording(run)
     name, old = scanner_of(recording.robot, run, scanner)
     if robot_file is not None and load_model(robot_file, RobotFile).scanners.get(name) != old:
@@ -49,13 +48,7 @@ def calibrate_scanner(run: Path, scanner: str | None, robot_file: Path | None, *
     found = fit_mounting(drive.odometry, drive.scanner)
     wanted = changes(name, old, drive, found)
     tell(name, old, drive, found, wanted)
-    if robot_file is None:
-        sys.stdout.write("not written; --write ROBOT writes the new values into the robot file\n")
-    elif not yes and not confirmed("calibrate scanner", f"write the new values into {robot_file}?"):
-        sys.stdout.write(f"not written: {robot_file}\n")
-    else:
-        edit(robot_file, wanted)
-        sys.stdout.write(f"written: {robot_file}\n")
+    write_values("calibrate scanner", robot_file, wanted, yes=yes)
 
 
 def changes(name: str, old: Mounting, drive: ScannerDrive, found: MountingFit) -> dict[Keys, Data]:
