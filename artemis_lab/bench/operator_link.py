@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 from bisect import bisect_left
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -134,6 +134,23 @@ class LinkThread(LinkProcess):
             asyncio.run(serve(listening, port))
 
 
+def run_beside(command: Sequence[str], mission: Path, ticks: Ticks) -> str:
+    """Run a mission while another program is at it; returns what that printed as errors.
+
+    Raises:
+        ArtemisError: the run failed.
+    """
+    program = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    try:
+        if run_mission(load_mission(mission), mission, watch=ticks.see).failed:
+            raise ArtemisError(f"the run failed: {ticks.faults}")
+        _, errors = program.communicate(timeout=20)
+    finally:
+        program.kill()
+        program.wait()
+    return errors
+
+
 def drive(robot: Path, seconds: float, seed: int, *, flood: bool, thread: bool = False) -> Ticks:
     """A run in real time on simulated drives, driven over the network by a hand in another process."""
     ticks = Ticks()
@@ -149,17 +166,9 @@ def drive(robot: Path, seconds: float, seed: int, *, flood: bool, thread: bool =
         mission.write_text(json.dumps(words))
         command = [sys.executable, "-m", "artemis_lab.bench.operator_hand"]
         arguments = [str(port), str(secret), str(out), str(seconds), str(seed), "flood" if flood else "quiet"]
-        hand = subprocess.Popen([*command, *arguments], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
-        try:
-            outcome = run_mission(load_mission(mission), mission, watch=ticks.see)
-            if outcome.failed:
-                raise ArtemisError(f"the run failed: {ticks.faults}")
-            _, errors = hand.communicate(timeout=20)
-        finally:
-            hand.kill()
-            hand.wait()
+        errors = run_beside([*command, *arguments], mission, ticks)
         if not out.exists():
-            raise ArtemisError(errors.decode())
+            raise ArtemisError(errors)
         told = json.loads(out.read_text())
         ticks.reports, ticks.floods = told["reports"], [tuple(each) for each in told["floods"]]
     return ticks

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import json
-import subprocess
 import sys
 from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from artemis.app import run_mission
 from artemis.bridges.rosbridge.server import MOST_MESSAGE, RATE
 from artemis.clock import stopwatch, until
 from artemis.errors import ArtemisError
-from artemis.mission.loading import load_mission
-from artemis_lab.bench.operator_link import Ticks
+from artemis_lab.bench.operator_link import Ticks, run_beside
 from artemis_lab.bench.ports import free_port
 
 SHARE = 0.95
@@ -42,14 +39,7 @@ def flooded(robot: Path, clients: int, windows: int) -> Ticks:
         words = {"mission": "flood", "robot": "robot.yaml", "bus": "simulation", "inputs": {"remote": remote}}
         mission.write_text(json.dumps({**words, "steps": steps}))
         command = [sys.executable, "-m", __name__, str(port), str(clients), str(windows), str(out)]
-        crowd = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-        try:
-            if run_mission(load_mission(mission), mission, watch=ticks.see).failed:
-                raise ArtemisError(f"the run failed: {ticks.faults}")
-            _, errors = crowd.communicate(timeout=20)
-        finally:
-            crowd.kill()
-            crowd.wait()
+        errors = run_beside(command, mission, ticks)
         if not out.exists():
             raise ArtemisError(f"the clients failed: {errors[-500:]}")
         ticks.floods = [tuple(each) for each in json.loads(out.read_text())]
