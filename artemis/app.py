@@ -192,7 +192,7 @@ class _Run:
             self.failed, now = tick.failed, loop.time()
             if tick.cause is not None or tick.wish.failed:
                 self.ending.see(tick)
-            traffic = equipment.traffic(now)
+            traffic = equipment.traffic()
             record.see(tick, traffic, now)
             for fault in record.faults(tick.snapshot.sensed.attended):
                 robot.report(fault)

@@ -41,8 +41,8 @@ class Equipment:
     """All of them as one."""
     bus: FrameBus
     """That of the CAN drives."""
-    traffic: Callable[[float], Traffic]
-    """Frames on that bus since the last call, at the latest at a loop time [s]."""
+    traffic: Callable[[], Traffic]
+    """Frames on that bus since the last call."""
     world: World | None
     """None: it is the real one."""
     true_pose: Callable[[Tick], Pose | None]

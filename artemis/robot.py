@@ -143,7 +143,6 @@ class Robot:
         inputs, fixes = self._guard.read(now - self._start), self._guard.fixes(now - self._start)
         self._faults += [catalogue.fault(*problem) for problem in self._guard.take_problems()]
         self._requests += [request for sample in inputs for request in sample.requests]
-        texts = [it for it in self._answers if isinstance(it, str)]
         self._index += 1
         sensed = Sensed(
             index=self._index - 1,
@@ -160,10 +159,13 @@ class Robot:
             faults=tuple(self._faults),
             fixes=fixes,
             scans=readings.scans,
-            answers=(*texts, *[answer for sample in inputs for answer in sample.answers]),
-            typed=tuple(it for it in self._answers if isinstance(it, TypedAnswer)),
             battery_v=readings.battery_v,
         )
+        if self._answers or any([sample.answers for sample in inputs]):  # one call with more than 15 keywords is slow
+            texts = [it for it in self._answers if isinstance(it, str)]
+            typed = [it for it in self._answers if isinstance(it, TypedAnswer)]
+            texts += [answer for sample in inputs for answer in sample.answers]
+            sensed = replace(sensed, answers=tuple(texts), typed=tuple(typed))
         for taken in (self._requests, self._answers, self._results, self._faults):
             taken.clear()
         return sensed

@@ -84,11 +84,12 @@ class AllowList:
 
     def problem(self, frame: Frame) -> str | None:
         """Why `frame` must not leave now; None: it may."""
-        rule = self._rules.get(frame.id)
+        identifier, sent = frame.id, self._sent
+        rule = self._rules.get(identifier)
         if rule is None or frame.rtr:
             return self._told(frame, "is not a frame of artemis")
-        if (before := self._sent.get(frame.id)) is not None:
-            self._sent[frame.id] = before + 1
+        if (before := sent.get(identifier)) is not None:
+            sent[identifier] = before + 1
             if before >= MOST:
                 return self._told(frame, f"was sent {before + 1} times in one tick")
         wrong = rule(frame.data)

@@ -19,6 +19,8 @@ from artemis.values import BusHealth, Mode, Sensed
 from artemis.vehicle import RobotFile
 
 LOST = "COM-22"
+_AFTER_EMERGENCIES = EMERGENCY + 0x80
+"""Of what has a handler, only emergencies are below this."""
 _WELL = Sensed(index=0, time=0.0).bus
 """The default itself, which is left out of recordings."""
 
@@ -87,16 +89,17 @@ class BusGateway:
         for frame in self._bus.receive():
             traffic.append((False, frame))
             identifier = frame.id
-            if identifier in ours:
-                self._foreign.append(identifier)
             known = handlers.get(identifier)
-            if known is not None and not frame.rtr:
+            if known is None:
+                if identifier in ours:
+                    self._foreign.append(identifier)
+            elif not frame.rtr:
                 node, handler = known
                 try:
                     handler(frame)
                 except ProtocolError:
                     node.tally.malformed += 1
-                if EMERGENCY < identifier < EMERGENCY + 0x80 and frame.data[:2] != b"\0\0":
+                if identifier < _AFTER_EMERGENCIES and frame.data[:2] != b"\0\0":
                     urgent = True
         return urgent
 
@@ -146,10 +149,10 @@ class BusGateway:
         self._foreign, self._blocked, self._refused = [], [], 0
         return BusHealth(foreign=foreign, refused=refused, error_frames=errors, blocked=blocked)
 
-    def take_traffic(self, now: float) -> list[tuple[bool, Frame]]:
-        """Every frame on the bus since the last call, each with whether we sent it: those at the latest at `now`."""
+    def take_traffic(self) -> list[tuple[bool, Frame]]:
+        """Every frame on the bus since the last call, each with whether we sent it; those have no time."""
         traffic, self._traffic = self._traffic, []
-        return [(sent, Frame(frame.id, frame.data, frame.rtr, now) if sent else frame) for sent, frame in traffic]
+        return traffic
 
 
 def _where_from() -> str:

@@ -43,7 +43,7 @@ class Frame(Struct, frozen=True, gc=False):
 
 
 Traffic: TypeAlias = Sequence[tuple[bool, Frame]]
-"""Frames on the bus, each with whether we sent it."""
+"""Frames on the bus, each with whether we sent it: then it has no time, and was sent before the end of its tick."""
 Length = TypeVar("Length", int, "NDArray[np.int64]")
 
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from math import cos, inf, sin
+from math import cos, hypot, inf, sin, sqrt
 
 from artemis.motion.angles import wrap
+
+LONGEST_CHORD = 1.01
+"""From one sample to the next, in spacings: a chord is no longer than its arc, which is found with an error."""
 
 
 class Samples:
@@ -38,12 +41,17 @@ class Samples:
             near, count = min(max(near, 0.0), last * spacing), last + 1
             first, final = max(round((near - window) / spacing), 0), min(round((near + window) / spacing), last)
         xs, ys = self.x, self.y
-        nearest, index = inf, first
-        for candidate in range(first, final + 1):
+        middle = min(max(round(near / spacing), first), final) % count
+        bound = hypot(x - xs[middle], y - ys[middle])
+        nearest, index, candidate = inf, first, first
+        while candidate <= final:
             dx, dy = x - xs[candidate % count], y - ys[candidate % count]
-            distance = dx * dx + dy * dy
-            if distance < nearest:
-                nearest, index = distance, candidate
+            square = dx * dx + dy * dy
+            distance = sqrt(square)
+            if square < nearest:
+                nearest, index, bound = square, candidate, min(bound, distance)
+            nearer = (distance - bound) / (LONGEST_CHORD * spacing)  # so many samples on, one may be as near as `bound`
+            candidate += 1 + int(nearer) if nearer < count else 1
         return index, self._foot(x, y, index)
 
     def at(self, index: int, rest: float) -> tuple[float, float, float, float]:

@@ -246,7 +246,8 @@ class Observer(Protocol):
 
         Args:
             tick: its values.
-            traffic: every frame since the last one in the order on the bus, each with "sent by us".
+            traffic: every frame since the last one in the order on the bus, each with "sent by us"; those have no time
+                (0.0), and were sent before `now`.
             now: the time of the tick [s] by the clock of the frames; run time is `tick.snapshot.time`.
         """
 

@@ -40,7 +40,7 @@ QUEUE_TICKS = 500
 """Ticks that may wait for a slow disk, in real time."""
 JOURNAL = "journal"
 
-_Observed = tuple[Tick, Traffic, Pose | None]
+_Observed = tuple[Tick, Traffic, Pose | None, float]
 
 
 class Recorder:
@@ -125,7 +125,7 @@ class Recorder:
         """
         entries = self._chronicle.observe(tick, frames, now)
         self._driven = tick.snapshot.odometry.driven
-        if (dropped := self._beside.put((tick, frames, true_pose))) is not None:
+        if (dropped := self._beside.put((tick, frames, true_pose, now))) is not None:
             self._late.add(dropped[0].snapshot.sensed.index)
         for entry in entries:
             self.note(entry)
@@ -191,10 +191,10 @@ class Recorder:
         self._end_recording(Trouble("DSK-05", f"{self._path.name}: writing it has failed: {error!r}", journal=True))
 
     def _record(self, observed: _Observed) -> None:
-        tick, frames, true_pose = observed
+        tick = observed[0]
         self._index = tick.snapshot.sensed.index
         if self._data_trouble is None:
-            self._keep(self._write_tick, tick, frames, true_pose)
+            self._keep(self._write_tick, *observed)
         else:
             self._lost.add(self._index)
 
@@ -261,13 +261,13 @@ class Recorder:
         media_type = guess_type(name)[0] or "application/octet-stream"
         self._writer.add_attachment(self._start, name, media_type, content)
 
-    def _write_tick(self, tick: Tick, frames: Traffic, true_pose: Pose | None) -> None:
+    def _write_tick(self, tick: Tick, frames: Traffic, true_pose: Pose | None, now: float) -> None:
         sensed = tick.snapshot.sensed
         index, at = sensed.index, self._start + round(sensed.time * 1e9)
         add, channels = self._writer.add_message, self._channels
         add(channels["/tick"], at, tick_record(tick, true_pose), index)
         if frames:
-            add(channels["/frames"], at, encode(schemas.Frames(index, pack_frames(frames))), index)
+            add(channels["/frames"], at, encode(schemas.Frames(index, pack_frames(frames, now))), index)
         if (slot := int(sensed.time / POSE_PERIOD + 1e-6)) != self._pose_slot:
             self._pose_slot = slot
             self._write_poses(at, tick.snapshot, true_pose)

@@ -7,7 +7,7 @@ no unions), so the schemas are derived here. Names of fields are shown there: an
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from enum import Enum
 from functools import cache
 from math import cos, isfinite, sin
@@ -19,7 +19,7 @@ import numpy as np
 from msgspec.structs import asdict
 
 from artemis import values
-from artemis.devices.can_bus import Frame
+from artemis.devices.can_bus import Frame, Traffic
 from artemis.scan import Scan
 
 # ------------------------------------------------------------------------------------------------- records of artemis
@@ -179,7 +179,7 @@ _NON_FINITE = {"float:nan": float("nan"), "float:inf": float("inf"), "float:-inf
 
 def tick_record(tick: values.Tick, true_pose: values.Pose | None = None) -> bytes:
     """JSON of a tick, but for defaults. Floats survive exactly, also those that JSON lacks (nan, inf)."""
-    return _exact(TickRecord(**asdict(tick), true_pose=true_pose))
+    return _exact(tick if true_pose is None else TickRecord(**asdict(tick), true_pose=true_pose))
 
 
 def tick_from_record(record: bytes) -> TickRecord:
@@ -214,7 +214,7 @@ def _differing(name: str, recorded: Any, now: Any) -> Iterator[str]:  # noqa: AN
         yield f"{name}: recorded {msgspec.to_builtins(recorded)!r}, now {msgspec.to_builtins(now)!r}"
 
 
-def _exact(record: TickRecord) -> bytes:
+def _exact(record: values.Tick) -> bytes:
     """JSON of a record. No None is in it, but msgspec writes nan and inf as null: then they are spelled out."""
     written = encode(record)
     return encode(_respelled(msgspec.to_builtins(record))) if b"null" in written else written
@@ -239,11 +239,14 @@ number of data bytes, data padded with zeros."""
 _FRAME = struct.Struct("<dBHB8s")
 
 
-def pack_frames(frames: Sequence[tuple[bool, Frame]]) -> bytes:
-    """Frames, each with "sent by us", as consecutive `FRAME_RECORD`s."""
+def pack_frames(frames: Traffic, now: float) -> bytes:
+    """Frames, each with "sent by us", as consecutive `FRAME_RECORD`s; one without a time was sent by `now` [s]."""
     pack = _FRAME.pack
     return b"".join(
-        [pack(frame.time, sent | frame.rtr << 1, frame.id, len(frame.data), frame.data) for sent, frame in frames]
+        [
+            pack(frame.time or now, sent | frame.rtr << 1, frame.id, len(frame.data), frame.data)
+            for sent, frame in frames
+        ]
     )
 
 

@@ -127,10 +127,12 @@ class FollowMode:
 
     def _watch_battery(self, tracking: Tracking, snapshot: Snapshot) -> None:
         """What is left to drive is certainly more than the battery reaches, for some time: the step is to end."""
-        battery, needed = snapshot.battery, tracking.length - tracking.arc_length + self._after
-        lacks = battery is not None and needed > battery.range_m + battery.range_std_m
+        if (battery := snapshot.battery) is None:
+            return
+        needed = tracking.length - tracking.arc_length + self._after
+        lacks = needed > battery.range_m + battery.range_std_m
         self._lacking = self._lacking + snapshot.dt if lacks else 0.0
-        if battery is not None and self._lacking > CERTAIN:
+        if self._lacking > CERTAIN:
             self._short = _too_far(needed, battery)
 
     def _route(self, step: FollowStep) -> Route:

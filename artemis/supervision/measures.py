@@ -154,9 +154,10 @@ class HostMeasures:
         if bus.foreign:
             id = "COM-18" if self._heartbeat in bus.foreign else "COM-17"
             readings.append((id, "", 1.0, ", ".join(f"0x{identifier:03X}" for identifier in bus.foreign[:4])))
-        damaged = 0
+        damaged = told = 0
         for drive in sensed.drives:
             damaged += drive.malformed
+            told += drive.stray + len(drive.emergencies)
         if malformed := self._malformed.count("", damaged, now):
             readings.append(("COM-14", "", float(malformed), f"{malformed} in a second"))
         if bus.refused:
@@ -165,8 +166,8 @@ class HostMeasures:
             readings.append(("PLG-07", "", 1.0, reason))
         if errors := self._errors.count("", bus.error_frames, now):
             readings.append(("COM-20", "", float(errors), f"{errors} error frames"))
-        for drive in sensed.drives:
-            if drive.stray or drive.emergencies or self._stray.happened or self._emergencies.happened:
+        if told or self._stray.happened or self._emergencies.happened:
+            for drive in sensed.drives:
                 readings += self._messages(drive, now)
         lost = 0
         for time in self._supply_lost.values():

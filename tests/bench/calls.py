@@ -59,7 +59,7 @@ def along_the_path(machine: str, begin: Callable[[], object], end: Callable[[], 
 
             def observe(tick: Tick) -> None:
                 nonlocal ticks
-                recorder.observe(tick, drives.wire.take_traffic(0.0))
+                recorder.observe(tick, drives.wire.take_traffic())
                 if tick.mode is not Mode.FOLLOW:
                     return
                 ticks += 1

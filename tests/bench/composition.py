@@ -158,7 +158,7 @@ def timed_run(mission: FilePath) -> TimedRobot:
             drives,
             PluginGuard({}, loop.time),
             period,
-            lambda tick: recorder.observe(tick, drives.wire.take_traffic(0.0)),
+            lambda tick: recorder.observe(tick, drives.wire.take_traffic()),
         )
         robot.time_ticks(bus, followers)
         await robot.run()
@@ -214,7 +214,7 @@ def watched_run(
         drives = Drives(loaded.robot, bus)
 
         def observe(tick: Tick) -> None:
-            drives.wire.take_traffic(0.0)
+            drives.wire.take_traffic()
             see(tick)
 
         robot = Robot(Core(plan_from(loaded), period), drives, PluginGuard(inputs or {}, loop.time), period, observe)

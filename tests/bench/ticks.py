@@ -129,7 +129,7 @@ def _our_cycle(robot: RobotFile, answers: list[Frame]) -> Callable[[], object]:
             bus.send(node.set_point_frame(0x0F, 0.2))
         bus.send(SYNC_FRAME)
         bus.send(heartbeat)
-        drives.wire.take_traffic(0.0)
+        drives.wire.take_traffic()
         return feedback
 
     return cycle

@@ -84,7 +84,7 @@ class AnyOrder(RuleBasedStateMachine):
         await self.robot.run()
 
     def observe(self, tick: Tick) -> None:
-        self.drives.wire.take_traffic(self.loop.time())
+        self.drives.wire.take_traffic()
         self.ticks.append(tick)
 
     def ask(self, request: Request) -> None:

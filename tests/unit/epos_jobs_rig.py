@@ -45,7 +45,7 @@ class Rig:
     def writes(self) -> list[tuple[int, int, bytes]]:
         """SDO writes to the drive since the last call: index, sub-index, data."""
         requests = []
-        for ours, frame in self.drives.wire.take_traffic(0.0):
+        for ours, frame in self.drives.wire.take_traffic():
             if ours and frame.id == 0x600 + self.node.node_id:
                 requests.append(decode_request(frame.data))
         return [(each.index, each.subindex, each.data) for each in requests if isinstance(each, Expedited)]

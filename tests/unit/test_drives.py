@@ -238,12 +238,12 @@ def test_only_an_emergency_of_our_drives_that_tells_an_error_is_urgent(frame: Fr
 
 def test_traffic_is_everything_on_the_bus_in_order_once() -> None:
     bench = Bench()
-    bench.drives.wire.take_traffic(0.0)
+    bench.drives.wire.take_traffic()
     bench.bus.arrived = [Frame(0x7FF, b"\x01")]
     bench.drives.wire.take_in()
     bench.write(Wish(exchange=False))
-    assert bench.drives.wire.take_traffic(0.0) == [(False, Frame(0x7FF, b"\x01")), (True, HEARTBEAT)]
-    assert bench.drives.wire.take_traffic(0.0) == []
+    assert bench.drives.wire.take_traffic() == [(False, Frame(0x7FF, b"\x01")), (True, HEARTBEAT)]
+    assert bench.drives.wire.take_traffic() == []
 
 
 # ---------------------------------------------------------------------------------------------- a bus that is gone

@@ -99,7 +99,7 @@ def test_fault_that_needs_an_nmt_reset_and_that_nobody_heard_of_gets_it(code: in
     async def test(rig: Rig) -> None:
         rig.node.emergency(code, asyncio.get_running_loop().time(), heard=False)
         await asyncio.sleep(0.02)
-        rig.drives.wire.take_traffic(0.0)
+        rig.drives.wire.take_traffic()
         await rig.jobs.secure(0.0)
         assert has(rig, 0x6041) & 0x417F == 0x0140
         assert nmt_commands(rig) == [0x80, reset, 0x80]
@@ -113,7 +113,7 @@ def test_reset_of_the_whole_node_is_enough_where_two_errors_need_different_ones(
         for code in (0x8120, 0xFF04, 0x8120):
             rig.node.emergency(code, asyncio.get_running_loop().time(), heard=False)
         await asyncio.sleep(0.02)
-        rig.drives.wire.take_traffic(0.0)
+        rig.drives.wire.take_traffic()
         await rig.jobs.secure(0.0)
         assert nmt_commands(rig) == [0x80, 0x81, 0x80]
 
@@ -123,7 +123,7 @@ def test_reset_of_the_whole_node_is_enough_where_two_errors_need_different_ones(
 def test_reset_that_was_asked_for_is_not_repeated() -> None:
     async def test(rig: Rig) -> None:
         stays_in_fault(rig, 0x8120)
-        rig.drives.wire.take_traffic(0.0)
+        rig.drives.wire.take_traffic()
         tried = r"after NMT Reset Communication, fault reset; error history: 0x8120"
         with pytest.raises(DeviceError, match=tried):
             await rig.jobs.secure(RESETS["communication"])
@@ -147,7 +147,7 @@ def test_fault_that_remains_is_an_error_with_what_was_tried_and_the_history(code
 def test_drive_that_no_reset_helps_is_not_reset_for_ever() -> None:
     async def test(rig: Rig) -> None:
         stays_in_fault(rig, 0x6100)
-        rig.drives.wire.take_traffic(0.0)
+        rig.drives.wire.take_traffic()
         for _ in range(MAX_RESETS + 2):
             with pytest.raises(DeviceError, match="0x6100"):
                 await rig.jobs.secure(0.0)
@@ -196,7 +196,7 @@ def stays_in_fault(rig: Rig, code: int) -> None:
 
 def nmt_commands(rig: Rig) -> list[int]:
     """NMT commands to the drive since the last look."""
-    return [frame.data[0] for ours, frame in rig.drives.wire.take_traffic(0.0) if ours and frame.id == 0]
+    return [frame.data[0] for ours, frame in rig.drives.wire.take_traffic() if ours and frame.id == 0]
 
 
 def test_silent_drive_is_a_timeout_that_names_it() -> None:
