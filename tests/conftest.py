@@ -29,6 +29,8 @@ SKIPPED = "artemis/skipped"
 """Where pytest's cache has the tests, or their files, that the last complete run skipped."""
 LATE = "artemis/late"
 """Where it has those that no run since the last complete one has passed, as the machine was too busy for real time."""
+WHOLE = "artemis/whole"
+"""Where it has the files without tests that only `make test-ci` runs, each with the time of its last change."""
 TOO_BUSY = "too busy for real time"
 FETCHED = ("built by scripts/serial_peers", "libLMS1xx: built by scripts/scanner_peers")
 SKIPPED_IN_CI = ("/dev/u", "vcan0", TOO_BUSY, "ARTEMIS_SLAM_DATA", "root reads", *FETCHED)
@@ -59,6 +61,17 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     )
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """`--left` and `--late` import only files with tests for them, as far as known from the run before."""
+    if collection_path.is_dir():
+        return None
+    name = str(collection_path.relative_to(config.rootpath))
+    if config.getoption("late"):
+        return True if name not in _files(_kept(config, LATE)) else None
+    whole = _whole(config).get(name) == collection_path.stat().st_mtime_ns
+    return True if config.getoption("left") and whole and name not in _files(_kept(config, SKIPPED)) else None
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """What runs in real time comes first: one after the other on one worker, while the others do the rest.
@@ -75,17 +88,40 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             if counts[name] % sampled.args[0]:
                 item.add_marker(pytest.mark.exhaustive)
             counts[name] += 1
+    if not (config.getoption("left") or config.getoption("late")):
+        _note_whole(config, items)
     if config.getoption("late"):
         late = _kept(config, LATE)
         items[:] = [item for item in items if item.nodeid in late]
     elif config.getoption("left"):
         skipped = _kept(config, SKIPPED)
-        items[:] = [
-            item
-            for item in items
-            if {item.nodeid, item.nodeid.partition("::")[0]} & skipped
-            or any(item.get_closest_marker(mark) for mark in ("slow", "exhaustive"))
-        ]
+        items[:] = [item for item in items if {item.nodeid, item.nodeid.partition("::")[0]} & skipped or _is_left(item)]
+
+
+def _is_left(item: pytest.Item) -> bool:
+    return any(item.get_closest_marker(mark) for mark in ("slow", "exhaustive"))
+
+
+def _is_for_ci(item: pytest.Item) -> bool:
+    """`make test-ci` runs it, and `make test` does not."""
+    if item.get_closest_marker("exhaustive"):
+        return item.get_closest_marker("programs") is not None
+    return item.get_closest_marker("slow") is not None
+
+
+def _note_whole(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Keep which of the files of these tests have none that only `make test-ci` runs; one worker does."""
+    cache = _cache(config)
+    if cache is None or os.environ.get("PYTEST_XDIST_WORKER", "gw0") != "gw0":
+        return
+    paths = {item.path for item in items}
+    left = {item.path for item in items if _is_for_ci(item)}
+    known = {str(path.relative_to(config.rootpath)): path.stat().st_mtime_ns for path in paths}
+    whole = {name: time for name, time in _whole(config).items() if name not in known}
+    for path in paths - left:
+        name = str(path.relative_to(config.rootpath))
+        whole[name] = known[name]
+    cache.set(WHOLE, whole)
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -122,6 +158,17 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 def _cache(config: pytest.Config) -> pytest.Cache | None:
     """Pytest's cache; None where its plugin is not used."""
     return getattr(config, "cache", None)
+
+
+def _whole(config: pytest.Config) -> dict[str, int]:
+    cache = _cache(config)
+    found: dict[str, int] = cache.get(WHOLE, {}) if cache else {}
+    return found
+
+
+def _files(tests: set[str]) -> set[str]:
+    """Of tests by their names."""
+    return {test.partition("::")[0] for test in tests}
 
 
 def _kept(config: pytest.Config, name: str) -> set[str]:

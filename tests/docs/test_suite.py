@@ -57,7 +57,9 @@ def pytest_of(
     for name in ("conftest.py", "lateness.py"):
         shutil.copy(ROOT / "tests" / name, tmp_path / "tests")
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
-    (tmp_path / "tests" / folder / "test_it.py").write_text(tests)
+    file = tmp_path / "tests" / folder / "test_it.py"
+    if not file.exists() or file.read_text() != tests:
+        file.write_text(tests)
     command = [sys.executable, "-m", "pytest", "-n", "0", "-q", *words]
     environment = os.environ | environment
     return subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path, env=environment)
@@ -84,6 +86,14 @@ def test_the_continuous_integration_runs_with_the_extras_what_make_test_skipped(
     done = pytest_of(tmp_path, "unit", SKIPPING.format(lacks=False, reason=""), "--left", CI="true")
     assert done.returncode == 0
     assert "1 passed" in done.stdout
+
+
+def test_only_files_with_tests_for_it_are_imported_by_what_runs_the_rest(tmp_path: Path) -> None:
+    short = "print('imported')\ndef test_short(): ..."
+    assert "imported" in pytest_of(tmp_path, "unit", short, "-s").stdout
+    assert "imported" not in pytest_of(tmp_path, "unit", short, "-s", *TEST_CI).stdout
+    slow = "import pytest\n@pytest.mark.slow\ndef test_slow(): ..."
+    assert "1 passed" in pytest_of(tmp_path, "unit", slow, *TEST_CI).stdout, "it has changed since"
 
 
 @pytest.mark.parametrize(
