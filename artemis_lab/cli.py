@@ -119,6 +119,22 @@ def bench_localisation(
     measure(log, relations, split, cells=cells)
 
 
+@bench.command("hall")
+def bench_hall(
+    mission: Annotated[
+        Path,
+        typer.Argument(metavar="MISSION", help="Simulated mission (YAML): localizer scan_map, a step follow."),
+    ],
+    minutes: Annotated[float, typer.Option(min=0.1, help="Follow the path for so many minutes of robot time.")] = 60.0,
+    starts: Annotated[int, typer.Option(metavar="N", min=0, help="Switch the robot on at so many random places.")] = 5,
+    seed: Annotated[int, typer.Option(help="Set the seed of these places.")] = 1,
+) -> None:
+    """Localise a simulated robot on a map, along a path and at random places; compare with the true poses."""
+    from artemis_lab.commands.bench_hall import measure
+
+    raise typer.Exit(int(not measure(mission, minutes, starts, seed)))
+
+
 @bench.command("obstacles")
 def bench_obstacles(
     scenes: Annotated[

@@ -273,6 +273,8 @@ def _numbers(found: Summary) -> list[tuple[str, str]]:
             lines.append((label, text))
     if found.position_error_end is not None:
         lines.append((found.source, f"{found.position_error_end * 1000:5.1f} mm from the true position at the end"))
+    if found.odometry_error_max is not None:
+        lines.append(("odometry", f"alone {found.odometry_error_max:.2f} m from the true position at most"))
     if taken := consumption(found):
         lines.append(("battery", taken))
     lines.append(("bus load", f"{found.bus_load_mean:.1%}, {found.bus_load_max:.1%} at most"))

@@ -165,6 +165,7 @@ def _rows(facts: Summary) -> list[tuple[str, str]]:
         (f"distance from the path as given, by {facts.source}: RMS, largest", _pair(facts.given_rms, facts.given_max)),
         ("distance from the path as given, true: RMS, largest", _pair(facts.true_given_rms, facts.true_given_max)),
         (f"error of {facts.source} at the end", _known(facts.position_error_end)),
+        ("error of odometry alone, largest", _known(facts.odometry_error_max)),
         ("highest speed: robot, a wheel", f"{facts.max_speed:.3f} m/s, {facts.max_wheel_speed:.3f} m/s"),
         ("largest steering angle of a wheel", f"{degrees(facts.max_steering):.1f}°"),
         ("may have touched obstacles", "; ".join(facts.ignored)),

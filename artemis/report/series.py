@@ -123,6 +123,9 @@ class Series:
     """The same by the true pose."""
     error_end: float | None
     """Distance of the last estimated from the last true position [m]."""
+    odometry_error_max: float | None
+    """Greatest distance of the position by odometry alone, as `odometry` has it, from the true one [m], over all ticks;
+    None also without a localizer."""
     modes: tuple[Interval, ...]
     steps: tuple[Interval, ...]
     """Of the modes those that do what the mission wants."""
@@ -206,6 +209,7 @@ class _Reader:
         """How many there were, and the run time [s] of the last."""
         self._given, self._true_given = GivenErrors(), GivenErrors()
         self._error_end: float | None = None
+        self._odometry_error_max: float | None = None
         self._way = self._waited = 0.0
         self._joules: float | None = None
         self._driven: float | None = None
@@ -219,12 +223,10 @@ class _Reader:
         """The next tick."""
         snapshot, points = tick.snapshot, tick.set_points
         sensed, odometry, time = snapshot.sensed, snapshot.odometry, snapshot.sensed.time
-        located, by_wheels = snapshot.pose, odometry.pose
+        located = snapshot.pose
         moment, true = self._true_poses.of(tick)
         estimated = located.pose
-        if located.frame != "odom":
-            self._located = self._located or (estimated, by_wheels)
-            by_wheels = placed(self._located[0], seen_from(self._located[1], by_wheels))
+        by_wheels = odometry.pose if located.frame == "odom" else self._laid(odometry.pose, estimated, true)
         tracking = tick.wish.tracking if tick.mode is Mode.FOLLOW else None
         if tracking is not None and not isfinite(tracking.arc_length):
             tracking = None
@@ -274,6 +276,14 @@ class _Reader:
         self.index, self._finished, self._source = sensed.index, tick.wish.finished, located.source
         self._ticks, self._time = self._ticks + 1, time
 
+    def _laid(self, by_wheels: Pose, estimated: Pose, true: Pose | None) -> Pose:
+        """The pose by odometry alone in the frame of the localizer, laid onto its first pose."""
+        self._located = self._located or (estimated, by_wheels)
+        laid = placed(self._located[0], seen_from(self._located[1], by_wheels))
+        if true is not None:
+            self._odometry_error_max = max(self._odometry_error_max or 0.0, hypot(laid.x - true.x, laid.y - true.y))
+        return laid
+
     def series(self) -> Series:
         """All that was seen."""
         table = self._rows.table()
@@ -321,6 +331,7 @@ class _Reader:
             given_error=self._given.errors,
             true_given_error=self._true_given.errors,
             error_end=self._error_end,
+            odometry_error_max=self._odometry_error_max,
             modes=modes,
             steps=tuple(interval for interval in modes if interval.value in _DOING),
             mission=self._mission,

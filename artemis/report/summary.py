@@ -52,6 +52,8 @@ class Summary:
     """By the true pose."""
     position_error_end: float | None
     """Distance of the last estimated from the last true position."""
+    odometry_error_max: float | None
+    """Greatest distance of the position by odometry alone from the true one; None also without a localizer."""
     frames: int
     charge: tuple[float, float] | None
     """Of the battery at the start and at the end, 0 to 1."""
@@ -102,6 +104,7 @@ def summary(recording: Recording, series: Series | None = None) -> Summary:
         true_given_rms=run.true_given_error.rms,
         true_given_max=run.true_given_error.max,
         position_error_end=run.error_end,
+        odometry_error_max=run.odometry_error_max,
         frames=run.frames,
         charge=(float(charge[0]), float(charge[-1])) if len(charge := run.charge[np.isfinite(run.charge)]) else None,
         joules=run.joules,

@@ -74,6 +74,22 @@ def test_true_poses_are_of_the_moment_when_the_drives_measured(tmp_path: Path) -
     assert run.error_end == pytest.approx(0.0, abs=1e-9)
 
 
+def test_the_error_of_odometry_alone_is_that_of_the_odometry_laid_onto_the_first_pose_on_the_map(
+    tmp_path: Path,
+) -> None:
+    def on_map() -> Iterator[Observed]:
+        for each in islice(synthetic_run.run(), 50, 300):
+            time = each.tick.snapshot.time
+            odometry = replace(each.tick.snapshot.odometry, pose=Pose(x=0.6 * (time - 1.0)))
+            pose = LocatedPose(pose=Pose(x=2.0, y=0.5 * (time - 1.0), heading=math.pi / 2), frame="map", source="map")
+            snapshot = replace(each.tick.snapshot, odometry=odometry, pose=pose)
+            true_pose = Pose(x=2.0, y=0.5 * (time - 1.0), heading=math.pi / 2)
+            yield dataclasses.replace(each, tick=replace(each.tick, snapshot=snapshot), true_pose=true_pose)
+
+    run = summary(recorded(tmp_path, on_map()))
+    assert run.odometry_error_max == pytest.approx(0.1 * (run.duration), abs=0.01)
+
+
 def test_laps_are_counted_on(tmp_path: Path) -> None:
     run = read_series(recorded(tmp_path, synthetic_run.run(2, hz=10.0)))
 
@@ -92,6 +108,7 @@ def test_a_run_without_a_true_pose_has_no_true_error(tmp_path: Path) -> None:
     assert facts.cross_track_rms is not None
     assert facts.true_cross_track_rms is None
     assert facts.position_error_end is None
+    assert facts.odometry_error_max is None
 
 
 def test_modes_and_states_become_intervals(lap: Recording) -> None:
