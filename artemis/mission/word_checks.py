@@ -8,8 +8,9 @@ from typing import Any
 from artemis.mission.conditions import conditions_in, declared_signals
 from artemis.mission.lapsing import lapses
 from artemis.mission.order import TIME, UNREAD, Order
-from artemis.mission.problems import LAST_BRANCH, nearest
+from artemis.mission.problems import LAST_BRANCH, closest, nearest
 from artemis.progress import DONE, OWN_STEPS
+from artemis.states.condition import SignalKind
 from artemis.states.outcomes import StepFacts, outcomes_of
 from artemis.states.outline import Path, keys_of, parts_of, step_of, steps_in
 from artemis.states.tree import ANY, FAULT, LOST, RESTART, RESUME
@@ -41,8 +42,11 @@ class WordChecks:
             steps = steps[:-1] if step_of(steps[-1])[0] == "stop" else steps
         self.order, self.facts = Order(steps, facts, wrong), facts
         self.signals = declared_signals(steps, inputs, facts)
-        readable = {*OWN_STEPS, *facts.behaviours} - {"call", "ask"}
-        complete = all(path[-1] in readable for path in self.order.unread)
+        silent = {*OWN_STEPS, *facts.behaviours} - {"call"}
+        unknown = [f"{path[-1]}" for path in self.order.unread if path[-1] not in silent]
+        complete = all(word != "call" and closest(word, OWN_STEPS) for word in unknown)
+        if unknown:  # one of them may be an `ask`
+            self.signals["answer"] = SignalKind(kind=str)
         self.conditions, self.problems = conditions_in(steps, self.signals, facts, complete=complete)
         never = "is never reached: the step before never ends with done"
         self.problems += [(path, never) for path in self.order.unreached]
