@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Set
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from artemis.mission.conditions import conditions_in, declared_signals
@@ -56,8 +56,8 @@ class WordChecks:
         ]
         self._endless: list[tuple[Path, str]] = []
         """Remarks on what only a person ends, unless it is in one of these steps."""
-        self._caught: dict[Path, Set[Any]] = {}
-        """What a `try` catches, by the path of its steps."""
+        self._tries: dict[Path, Mapping[str, Any]] = {}
+        """The keys of each `try`, by the path of its steps."""
         self._left: list[Path] = []
         """Steps that something around them ends."""
         self._check_signals()
@@ -112,7 +112,7 @@ class WordChecks:
     def _check_try(self, path: Path, keys: Mapping[str, Any]) -> None:
         ends = self.order.ends.get((*path, "steps"), {})
         possible = {name for name in ends if name not in (DONE, FAULT) and not name.startswith("!")}
-        self._caught[*path, "steps"] = keys_of(keys.get("catch")).keys()
+        self._tries[*path, "steps"] = keys
         named: list[tuple[Path, Any]] = [
             *((("again_on", index), name) for index, name in enumerate(parts_of(keys.get("again_on")))),
             *((("catch", name), name) for name in keys_of(keys.get("catch"))),
@@ -147,11 +147,21 @@ class WordChecks:
             above += [] if condition is None else [condition]
             if then in (DONE, FAULT, ANY) or then.startswith((f"{FAULT}:", "!")):
                 self.problems.append(((*at, "then"), f"{then} is no outcome of your own"))
-            caught = any({then, ANY} & self._caught.get(at[:end], set()) for end in range(len(at)))
-            if then not in (RESUME, RESTART) and then in self.order.ends.get(path, ()) and not caught:
-                near = nearest(then, (RESUME, RESTART))
-                hint = near if "did you mean" in near else ""
-                self._remarks.append(((*at, "then"), f"no `try` catches {then}: it ends the mission as failed{hint}"))
+            if then not in (RESUME, RESTART) and then in self.order.ends.get(path, ()):
+                self._check_caught((*at, "then"), then)
+
+    def _check_caught(self, path: Path, outcome: str) -> None:
+        """An outcome of the mission's own that no `try` around it catches is a remark: its name may be misspelt."""
+        tries = [self._tries[path[:end]] for end in range(len(path)) if path[:end] in self._tries]
+        if any({outcome, ANY} & keys_of(keys.get("catch")).keys() for keys in tries):
+            return
+        again = [keys.get("again_on") or (ANY,) for keys in tries if keys.get("retries")]
+        when = (
+            "after its retries " if any(name in (outcome, ANY) for names in again for name in parts_of(names)) else ""
+        )
+        near = closest(outcome, (RESUME, RESTART))
+        hint = f"; did you mean {near}?" if near else ""
+        self._remarks.append((path, f"no `try` catches {outcome}: {when}it ends the mission as failed{hint}"))
 
     def _check_choose(self, path: Path, branches: Iterable[Any]) -> None:
         *others, _ = [*branches, None]

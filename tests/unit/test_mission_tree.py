@@ -184,6 +184,17 @@ def test_an_outcome_of_its_own_that_no_try_catches_is_a_remark(then: str, hint: 
     assert checked(own_branch).remarks == [f"steps[0].try.catch.{then}[0].during.when[0].then: {words}"]
 
 
+def test_an_outcome_of_its_own_that_is_only_retried_ends_the_mission_after_its_retries() -> None:
+    during = {"during": {"steps": [WAIT], "when": [{"if": "run_s > 1", "then": "low"}]}}
+    at = "steps[0].try.steps[0].during.when[0].then: no `try` catches low"
+    for again in ({}, {"again_on": ["low"]}, {"again_on": ["any"]}):
+        retried = {"try": {"steps": [during], "retries": 2, **again}}
+        assert checked(retried).remarks == [f"{at}: after its retries it ends the mission as failed"]
+        assert checked({"try": {"steps": [retried], "catch": {"low": [SAY]}}}).remarks == []
+    another = {"try": {"steps": [during, FOLLOW], "retries": 2, "again_on": ["blocked"]}}
+    assert checked(another).remarks == [f"{at}: it ends the mission as failed"]
+
+
 def test_one_that_leads_on_or_that_cannot_happen_is_none() -> None:
     for watch in ({"then": "restart"}, {"steps": [WAIT]}, {"steps": [{"end": {}}], "then": "low"}):
         assert checked({"during": {"steps": [WAIT], "when": [{"if": "run_s > 1", **watch}]}}).remarks == []
