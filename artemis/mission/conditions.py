@@ -21,11 +21,12 @@ _NUMBER, _TRUTH = SignalKind(kind=float), SignalKind(kind=bool)
 
 def declared_signals(steps: Any, inputs: Iterable[str], facts: StepFacts) -> dict[str, SignalKind]:  # noqa: ANN401
     """What conditions of a mission may ask for, `round` apart; `steps`: in its file's own form."""
-    asks = (keys_of(body).get("answers") for _, word, body in steps_in(steps) if word == "ask")
-    answers = [answer for given in asks for answer in parts_of(given) if isinstance(answer, str)]
+    asks = [parts_of(keys_of(body).get("answers")) for _, word, body in steps_in(steps) if word == "ask"]
+    answers = dict.fromkeys(answer for given in asks for answer in given if isinstance(answer, str))
+    readable = all(given and all(isinstance(answer, str) for answer in given) for given in asks)
     return {
         **dict.fromkeys(MEASURED, _NUMBER),
-        **({"answer": SignalKind(kind=str, values=tuple(dict.fromkeys(answers)))} if answers else {}),
+        **({"answer": SignalKind(kind=str, values=tuple(answers) if readable else ())} if asks else {}),
         **{f"{name}.{button}": _TRUTH for name in inputs for button in ("done", "record")},
         **{name: _NUMBER for behaviour in facts.behaviours.values() for name in behaviour.signals},
     }

@@ -27,7 +27,7 @@ from artemis.progress import OWN_STEPS
 from artemis.states.outcomes import FOLLOWING
 from artemis.states.outline import steps_in
 from artemis.vehicle import RobotFile
-from artemis.yaml_file import Document, KeyPath, read, survey
+from artemis.yaml_file import Data, Document, KeyPath, read, survey
 
 if TYPE_CHECKING:
     from artemis.mission.tree import MissionTree
@@ -136,8 +136,8 @@ class _Loading(SurroundingsChecks):
     def result(self, tried: bool) -> LoadedMission:
         mission = self._validated(Mission, self._document)
         robot = self._robot()
-        if mission is not None and robot is not None:
-            self._check_drives(mission, robot)
+        if robot is not None:
+            self._check_drives(robot)
         inputs = self._inputs()
         _ = [self._plugin("artemis.observers", "observers", name) for name in self._names("observers")]
         self._check_bus(robot)
@@ -156,12 +156,14 @@ class _Loading(SurroundingsChecks):
         self._check_policies()
         if robot is not None and tried:
             self._check_inputs(robot, mission)
-        if mission is not None and tried:
-            self._check_record(mission.record)
-        tree = self._tree(mission)
-        if self._problems or mission is None or robot is None or true_robot is None or tree is None:
+        if tried:
+            self._check_record(self._data.get("record"))
+        if self._problems or mission is None or robot is None or true_robot is None:
             raise ConfigError(sorted(dict.fromkeys(self._problems), key=by_position))
+        from artemis.mission.tree import mission_tree
+
         pose = start_pose(self._data, true_robot, simulated=self._simulated)
+        starts = far_starts(self._data["steps"], self._routes, pose)
         return LoadedMission(
             mission=mission,
             robot=robot,
@@ -173,10 +175,10 @@ class _Loading(SurroundingsChecks):
             files=self._files,
             folder=self._folder,
             ignored=tuple(self._ignored),
-            remarks=(*self._ignored, *self._remarks, *far_starts(self._data["steps"], self._routes, pose)),
+            remarks=(*self._ignored, *self._remarks, *self._checks.remarks, *starts),
             routes=self._routes,
             destinations=self._destinations,
-            tree=tree,
+            tree=mission_tree(mission, self._checks),
             injector=self._injector,
         )
 
@@ -195,19 +197,22 @@ class _Loading(SurroundingsChecks):
             return None
         return self._validated(RobotFile, document)
 
-    def _check_record(self, name: str) -> None:
+    def _check_record(self, name: Data) -> None:
         """The folder of the runs is there, or can be made: no file stands in its place."""
+        if not isinstance(name, str):
+            return
         folder = self._folder / name
         there = next(place for place in (folder, *folder.parents) if place.exists())
         if not there.is_dir():
             self._complain(("record",), f"is a file, expected a folder: {there}")
 
-    def _check_drives(self, mission: Mission, robot: RobotFile) -> None:
+    def _check_drives(self, robot: RobotFile) -> None:
         """Drives that interpolate are given the period of set-points in whole ms."""
         interpolating = [name for name, drive in robot.drives.items() if drive.tables.interpolates]
-        if interpolating and 1000 % mission.tick_hz:
+        tick_hz = self._data.get("tick_hz")
+        if interpolating and isinstance(tick_hz, int) and tick_hz > 0 and 1000 % tick_hz:
             rates = ", ".join(str(rate) for rate in range(25, 201) if not 1000 % rate)
-            period = f"a period of {1000 / mission.tick_hz:.3g} ms"
+            period = f"a period of {1000 / tick_hz:.3g} ms"
             text = f"{period}; {interpolating[0]} interpolates over whole milliseconds: expected one of {rates}"
             self._complain(("tick_hz",), text)
 

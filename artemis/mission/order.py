@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from artemis.progress import DONE, OWN_STEPS
+from artemis.progress import DONE, OWN_STEPS, WORDS
 from artemis.states.outcomes import StepFacts, outcomes_of
 from artemis.states.outline import Path, keys_of, parts_of, step_of, steps_in
 from artemis.states.tree import ANY, FAULT, LOST, RESTART, RESUME, TIMEOUT, is_fault, names_in
@@ -81,7 +81,9 @@ class Order:
             self.before[path] = before
         self.ends[path] = ends = self._ends(word, body, path, before)
         if path in self.unread:
-            ends |= {DONE: ends.get(DONE, before) | {TIME}, UNREAD: before}
+            ends |= {DONE: ends.get(DONE, before) | {TIME}}
+            if word in WORDS or word not in (*OWN_STEPS, *self._facts.behaviours):
+                ends[UNREAD] = before
         return ends
 
     def _ends(self, word: str, body: Any, path: Path, before: Facts) -> Ends:  # noqa: ANN401 (of a file)
@@ -109,7 +111,8 @@ class Order:
                     _join(ends, _but(self._step(word, body, (*path, "beside", index, word), before), DONE))
                 return ends
         begun = before | {TIME}
-        others = [FAULT, *(name for name, never in outcomes_of(word, body, self._facts).items() if not never)]
+        found, unread = outcomes_of(word, body, self._facts), path in self.unread
+        others = [FAULT, *(name for name, never in found.items() if unread or not never)]
         return {DONE: begun | _gained(word, body), **dict.fromkeys(others, begun)}
 
     def _try(self, keys: Mapping[str, Any], path: Path, before: Facts) -> Ends:

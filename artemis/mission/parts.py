@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any
 
-from artemis.mission.problems import nearest
+from artemis.mission.problems import closest, nearest
 from artemis.states.outline import steps_in
 from artemis.yaml_file import Document, KeyPath, Position
 
@@ -77,7 +77,7 @@ def expanded(
     putting = _PuttingIn(parts if isinstance(parts, dict) else {})
     steps = putting.steps(data["steps"], ("steps",), (), None)
     for name in putting.parts:
-        if name not in putting.called and not putting.problems:
+        if name not in putting.called:
             putting.problems.append((("parts", name), "no step calls this part"))
     found = ExpandedDocument(
         document.source, document.raw, {**data, "steps": steps}, document.positions, document.damaged, files or {}
@@ -99,6 +99,7 @@ class _PuttingIn:
             self._room -= 1
             if self._room < 0:
                 self.problems.append((path, f"more than {MAX_STEPS} steps, parts put in"))
+                self.called.update(self.parts)
                 return []
             if word == "call":
                 found = _replaced(found, at, self._called(body, (*path, *at), calls))
@@ -118,18 +119,21 @@ class _PuttingIn:
             self.problems.append((path, "steps: unknown key; known keys: part, with"))
         if name not in self.parts:
             self.problems.append((at, f"no such part{nearest(name, list(self.parts), 'parts')}"))
+            self.called.add(closest(name, list(self.parts)))
         elif name in calls:
             self.problems.append((at, f"a part cannot call itself: {' -> '.join([*calls[calls.index(name) :], name])}"))
         elif len(calls) >= MAX_CALLS:
             self.problems.append((at, f"parts call each other more than {MAX_CALLS} deep"))
+            self.called.update(self.parts)
         elif isinstance(part, dict) and "file" not in part and isinstance(part.get("takes") or {}, dict):
             takes: Mapping[str, Any] = part.get("takes") or {}
             misfits = list(_misfits(name, takes, given, path))
-            self.problems += misfits
-            if misfits:
-                return called
-            arguments = {key: given.get(key, value) for key, value in takes.items()}
-            called["steps"] = self.steps(part.get("steps"), ("parts", name, "steps"), (*calls, name), arguments) or []
+            arguments = {key: None if misfits else given.get(key, value) for key, value in takes.items()}
+            known = [*self.problems, *misfits]
+            steps = self.steps(part.get("steps"), ("parts", name, "steps"), (*calls, name), arguments)
+            if misfits:  # which parts it calls is known, and nothing else
+                steps, self.problems = [], known
+            called["steps"] = steps or []
         return called
 
     def _with(self, value: Any, given: Mapping[str, Any], path: KeyPath) -> Any:  # noqa: ANN401 (of a file)
@@ -189,3 +193,11 @@ def _replaced(data: Any, path: KeyPath, value: Any) -> Any:  # noqa: ANN401 (of 
     if isinstance(data, list):
         return [_replaced(inner, tuple(below), value) if index == key else inner for index, inner in enumerate(data)]
     return {**data, key: _replaced(data[key], tuple(below), value)}
+
+
+def without(data: Any, path: KeyPath) -> Any:  # noqa: ANN401 (of a file)
+    """The same data without the key at a path, where it is there."""
+    around: Any = data
+    for key in path[:-1]:
+        around = around[key]
+    return _replaced(data, path[:-1], {key: value for key, value in around.items() if key != path[-1]})

@@ -17,7 +17,8 @@ from artemis.yaml_file import Document, KeyPath, surprise
 
 LAST_BRANCH = "a last branch without `if`"
 """Of `choose`: what other languages call `else`."""
-NO_ELSE = f"unknown key; write {LAST_BRANCH}"
+UNKNOWN_KEY = "unknown key"
+NO_ELSE = f"{UNKNOWN_KEY}; write {LAST_BRANCH}"
 _MAX_NAMED = 12
 
 _EXPECTED = {
@@ -46,11 +47,16 @@ _EXPECTED = {
 _HINTED = {"int_type", "int_from_float", "float_type", "bool_type"}
 
 
+def closest(word: str, names: Collection[str]) -> str:
+    """The name that a misspelt word probably means; empty: none is similar."""
+    similar = difflib.get_close_matches(word.lower(), [name.lower() for name in names], n=1)
+    return next(name for name in names if name.lower() == similar[0]) if similar else ""
+
+
 def nearest(word: str, names: Collection[str], kind: str = "names") -> str:
     """Ending of a message about an unknown word: the most similar of the names, or which there are."""
-    similar = difflib.get_close_matches(word.lower(), [name.lower() for name in names], n=1)
-    if similar:
-        return "; did you mean " + next(name for name in names if name.lower() == similar[0]) + "?"
+    if found := closest(word, names):
+        return f"; did you mean {found}?"
     if not names:
         return f"; there are no {kind}"
     shown = sorted(names)[:_MAX_NAMED]
@@ -130,12 +136,11 @@ def _words(detail: ErrorDetails, model: type[BaseModel], path: KeyPath, beside: 
         fields = [field for around in _models_around(model, path) for field in around.model_fields.items()]
         known = [*beside, *(field.alias or name for name, field in fields)]
         if "catch" in known and path[-1] == "on":
-            return (
-                "unknown key; did you mean catch? (readers of YAML 1.1 take the key `on` for true: no key is called so)"
-            )
+            why = "readers of YAML 1.1 take the key `on` for true: no key is called so"
+            return f"{UNKNOWN_KEY}; did you mean catch? ({why})"
         if path[-1] == "else" and "choose" in path:
             return NO_ELSE
-        return f"unknown key{nearest(str(path[-1]), known, 'known keys')}"
+        return f"{UNKNOWN_KEY}{nearest(str(path[-1]), known, 'known keys')}"
     if kind == "value_error":
         return f"{context['error']}" + (f", found {describe(found)}" if isinstance(found, str) else "")
     if kind == "union_tag_invalid":  # the alternatives are named as in a file, in angle brackets and with blanks
@@ -147,8 +152,8 @@ def _words(detail: ErrorDetails, model: type[BaseModel], path: KeyPath, beside: 
     text = f"expected {_EXPECTED[kind].format(**context)}, found {describe(found)}"
     if kind == "literal_error" and isinstance(found, str):
         names = [name.strip("'") for name in context["expected"].replace(" or ", ", ").split(", ")]
-        similar = difflib.get_close_matches(found.lower(), names, n=1)
-        return text + (f"; did you mean {similar[0]}?" if similar else "")
+        meant = closest(found, names)
+        return text + (f"; did you mean {meant}?" if meant else "")
     hint = surprise(found) if kind in _HINTED and isinstance(found, str) else None
     if path[-1:] == ("goto",) and isinstance(found, str):
         hint = f"write {{map: FILE, to: {found}}}"
@@ -159,10 +164,9 @@ def _missing(around: object, model: type[BaseModel], path: KeyPath) -> str:
     if isinstance(path[-1], int):
         return "the list is too short"
     is_open = any(found.model_config.get("extra") == "allow" for found in _models_around(model, path))
-    if is_open and isinstance(around, dict):  # a misspelt key passes for a plugin's or back end's own
-        similar = difflib.get_close_matches(path[-1], around, n=1)
-        return "this key is missing" + (f"; did you write {similar[0]} for it?" if similar else "")
-    return "this key is missing"
+    # a misspelt key passes for a plugin's or back end's own
+    similar = closest(path[-1], around) if is_open and isinstance(around, dict) else ""
+    return "this key is missing" + (f"; did you write {similar} for it?" if similar else "")
 
 
 def _models_around(model: type[BaseModel], path: KeyPath) -> list[type[BaseModel]]:

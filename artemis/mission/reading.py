@@ -17,8 +17,8 @@ from artemis.mission.actions import FollowerUse, PluginUse
 from artemis.mission.files import files_like, read_data, read_table
 from artemis.mission.injector import FaultInjector
 from artemis.mission.page import add_page
-from artemis.mission.parts import expanded
-from artemis.mission.problems import nearest, placed
+from artemis.mission.parts import expanded, without
+from artemis.mission.problems import UNKNOWN_KEY, nearest, placed
 from artemis.plugins.registry import BEHAVIOURS, names
 from artemis.yaml_file import Data, Document, KeyPath, read, survey
 
@@ -38,6 +38,8 @@ class MissionReading:
         self._problems: list[str] = []
         self._wrong: list[KeyPath] = []
         """Where the schemas found something wrong in the mission."""
+        self._unknown: list[KeyPath] = []
+        """Those of them that are unknown keys."""
         self._documents: dict[str, Document] = {}
         self._files: dict[str, bytes] = {}
         self._remarks: list[str] = []
@@ -78,13 +80,16 @@ class MissionReading:
             self._problems += [document.problem(path, text) for path, text in found]
             if document is self._document:
                 self._wrong += [path for path, _ in found]
+                self._unknown += [path for path, text in found if text.startswith(UNKNOWN_KEY)]
             return None
 
     def _part(self, model: type[Model], *path: str | int) -> Model | None:
-        """A part of the mission if it is right by itself; what is wrong with it, the whole mission's model says."""
+        """A part of the mission, if it is right but for unknown keys: what is wrong, the mission's model reports."""
         part: Any = self._data
         for key in path:
             part = part[key]
+        for unknown in (found[len(path) :] for found in self._unknown if found[: len(path)] == path):
+            part = without(part, unknown)
         try:
             return model.model_validate(part, context=self._installed)
         except ValidationError:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from artemis.axles import ByHand
 from artemis.errors import ConfigError
@@ -17,7 +17,7 @@ from artemis.mission.obstacles import Obstacles, check_obstacles, ignored
 from artemis.mission.order import CALIBRATED, TIME, Facts, why_not
 from artemis.mission.problems import nearest
 from artemis.mission.reading import Configs
-from artemis.mission.schema import Mission, Supervision
+from artemis.mission.schema import Supervision
 from artemis.mission.word_checks import WordChecks
 from artemis.mission.words import Step
 from artemis.plugins.contracts import declared
@@ -27,9 +27,6 @@ from artemis.states.outcomes import step_facts
 from artemis.states.outline import behaviours_in, numbered, steps_in
 from artemis.vehicle import RobotFile
 from artemis.yaml_file import KeyPath, dotted
-
-if TYPE_CHECKING:
-    from artemis.mission.tree import MissionTree
 
 NO_RECORD = "; no step before has `record:`"
 
@@ -43,18 +40,6 @@ class StepChecks(GotoChecks):
         """In one of them, at least."""
         self._ignored: list[str] = []
         """Where the robot may touch obstacles."""
-
-    def _tree(self, mission: Mission | None) -> MissionTree | None:
-        """The tree of a mission; None: something is wrong in it."""
-        if mission is None or self._problems:
-            return None
-        from artemis.mission.tree import mission_tree
-
-        found = mission_tree(mission, self._checks)
-        if not found.steps:
-            self._complain(("steps",), "no step takes time, so there is nothing to do; add one, such as wait")
-        self._remarks += self._checks.remarks
-        return found
 
     def _check_obstacles(self, at: KeyPath, obstacles: Obstacles | None, robot: RobotFile | None) -> None:
         if obstacles is not None and robot is not None:
@@ -71,16 +56,19 @@ class StepChecks(GotoChecks):
         self._checks = WordChecks(given, self._names("inputs"), facts, wrong)
         for path, problem in self._checks.problems:
             self._complain(path, problem)
+        timed, every = numbered(given), list(steps_in(given))
+        if every and not timed and not self._checks.order.unread:
+            self._complain(("steps",), "no step takes time, so there is nothing to do; add one, such as wait")
         before = self._checks.order.before
-        for path, word, _ in steps_in(given):
+        for path, word, _ in every:
             if facts.follows(word) and CALIBRATED not in before.get(path, [CALIBRATED]):
                 why = why_not(given, CALIBRATED, path) or "no step before this one does"
                 self._complain(path, f"calibrate first: {why}")
             if word == "stop" and path != ("steps", len(given) - 1, "stop"):
                 self._complain(path, "ends the mission: it can only be the last step")
         usual = self._part(Obstacles, "obstacles") if "obstacles" in self._data else Obstacles()
-        alone = len(list(steps_in(given))) == 1
-        for number, (path, word, _) in enumerate(numbered(given)):
+        alone = len(every) == 1
+        for number, (path, word, _) in enumerate(timed):
             step = self._part(Step, *path[:-1])
             if step is None:
                 continue

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Set
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from artemis.mission.conditions import conditions_in, declared_signals
 from artemis.mission.lapsing import lapses
 from artemis.mission.order import TIME, UNREAD, Order
-from artemis.mission.problems import LAST_BRANCH, nearest
+from artemis.mission.problems import LAST_BRANCH, closest, nearest
 from artemis.progress import DONE, OWN_STEPS
+from artemis.states.condition import SignalKind
 from artemis.states.outcomes import StepFacts, outcomes_of
 from artemis.states.outline import Path, keys_of, parts_of, step_of, steps_in
 from artemis.states.tree import ANY, FAULT, LOST, RESTART, RESUME
@@ -41,8 +42,11 @@ class WordChecks:
             steps = steps[:-1] if step_of(steps[-1])[0] == "stop" else steps
         self.order, self.facts = Order(steps, facts, wrong), facts
         self.signals = declared_signals(steps, inputs, facts)
-        readable = {*OWN_STEPS, *facts.behaviours} - {"call", "ask"}
-        complete = all(path[-1] in readable for path in self.order.unread)
+        silent = {*OWN_STEPS, *facts.behaviours} - {"call"}
+        unknown = [f"{path[-1]}" for path in self.order.unread if path[-1] not in silent]
+        complete = all(word != "call" and closest(word, OWN_STEPS) for word in unknown)
+        if unknown:  # one of them may be an `ask`
+            self.signals["answer"] = SignalKind(kind=str)
         self.conditions, self.problems = conditions_in(steps, self.signals, facts, complete=complete)
         never = "is never reached: the step before never ends with done"
         self.problems += [(path, never) for path in self.order.unreached]
@@ -52,8 +56,8 @@ class WordChecks:
         ]
         self._endless: list[tuple[Path, str]] = []
         """Remarks on what only a person ends, unless it is in one of these steps."""
-        self._caught: dict[Path, Set[Any]] = {}
-        """What a `try` catches, by the path of its steps."""
+        self._tries: dict[Path, Mapping[str, Any]] = {}
+        """The keys of each `try`, by the path of its steps."""
         self._left: list[Path] = []
         """Steps that something around them ends."""
         self._check_signals()
@@ -108,7 +112,7 @@ class WordChecks:
     def _check_try(self, path: Path, keys: Mapping[str, Any]) -> None:
         ends = self.order.ends.get((*path, "steps"), {})
         possible = {name for name in ends if name not in (DONE, FAULT) and not name.startswith("!")}
-        self._caught[*path, "steps"] = keys_of(keys.get("catch")).keys()
+        self._tries[*path, "steps"] = keys
         named: list[tuple[Path, Any]] = [
             *((("again_on", index), name) for index, name in enumerate(parts_of(keys.get("again_on")))),
             *((("catch", name), name) for name in keys_of(keys.get("catch"))),
@@ -143,11 +147,21 @@ class WordChecks:
             above += [] if condition is None else [condition]
             if then in (DONE, FAULT, ANY) or then.startswith((f"{FAULT}:", "!")):
                 self.problems.append(((*at, "then"), f"{then} is no outcome of your own"))
-            caught = any({then, ANY} & self._caught.get(at[:end], set()) for end in range(len(at)))
-            if then not in (RESUME, RESTART) and then in self.order.ends.get(path, ()) and not caught:
-                near = nearest(then, (RESUME, RESTART))
-                hint = near if "did you mean" in near else ""
-                self._remarks.append(((*at, "then"), f"no `try` catches {then}: it ends the mission as failed{hint}"))
+            if then not in (RESUME, RESTART) and then in self.order.ends.get(path, ()):
+                self._check_caught((*at, "then"), then)
+
+    def _check_caught(self, path: Path, outcome: str) -> None:
+        """An outcome of the mission's own that no `try` around it catches is a remark: its name may be misspelt."""
+        tries = [self._tries[path[:end]] for end in range(len(path)) if path[:end] in self._tries]
+        if any({outcome, ANY} & keys_of(keys.get("catch")).keys() for keys in tries):
+            return
+        again = [keys.get("again_on") or (ANY,) for keys in tries if keys.get("retries")]
+        when = (
+            "after its retries " if any(name in (outcome, ANY) for names in again for name in parts_of(names)) else ""
+        )
+        near = closest(outcome, (RESUME, RESTART))
+        hint = f"; did you mean {near}?" if near else ""
+        self._remarks.append((path, f"no `try` catches {outcome}: {when}it ends the mission as failed{hint}"))
 
     def _check_choose(self, path: Path, branches: Iterable[Any]) -> None:
         *others, _ = [*branches, None]

@@ -225,8 +225,8 @@ class _Advance:
         for fault in self._position.faults if not self._beside else ():
             if any(each.names(f"{FAULT}:{fault}") for each in self._tries):
                 return f"{FAULT}:{fault}"
-        if self._facts.outcome and not self._beside:
-            return self._facts.outcome
+        if (outcome := self._facts.outcome) and not self._beside and (outcome == DONE or not self._rests):
+            return outcome  # of one that is to come to rest for something else only that it is done
         step = self._passive[leaf.number]
         if step is None:
             return ""

@@ -70,6 +70,28 @@ def test_a_battery_that_runs_short_on_the_way_ends_the_step_and_what_is_next_sti
 
 
 @pytest.mark.slow
+def test_a_condition_that_is_met_in_the_tick_of_battery_short_has_its_steps_done(tmp_path: Path) -> None:
+    """The second run is as the first until that tick: at the beginning of a path that the battery does not reach."""
+
+    def watched(folder: Path, seconds: float) -> Run:
+        when = {"if": f"run_s > {seconds:.6f}", "steps": [{"wait": {"seconds": 1.0}}], "then": "charged"}
+        steps = {
+            "steps": [{"during": {"steps": [follow(0.5)], "when": [when]}}],
+            "catch": {"charged": [{"say": "full"}]},
+        }
+        return drive(folder, {"try": steps}, battery_v=22.3)
+
+    def short(done: Run) -> list[float]:
+        return [seen.time for seen in done.seen if "m to drive, the battery reaches" in seen.phase]
+
+    late = watched(tmp_path / "late", 1000.0)
+    assert late.status == 1
+    done = watched(tmp_path / "then", short(late)[0] - 0.001)
+    assert short(done)[0] == short(late)[0]
+    assert done.status == 0
+
+
+@pytest.mark.slow
 def test_a_robot_whose_voltage_sags_accelerates_half_as_much(tmp_path: Path) -> None:
     def rises(folder: Path, **keys: Any) -> float:  # noqa: ANN401
         done = drive(folder, follow(0.5), **keys)

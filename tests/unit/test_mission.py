@@ -232,6 +232,27 @@ def test_one_part_of_a_step_that_is_wrong_does_not_hide_another(folder: Path) ->
     ]
 
 
+def test_an_unknown_key_of_a_step_hides_nothing_of_its_other_keys(folder: Path) -> None:
+    keys = "path: paths/lin.csv, follower: {plugin: indiveri, speed_m_s: 0.9}, lapz: 1"
+    problems = refusal(folder, "path: paths/line.csv, follower: {plugin: indiveri, speed_m_s: 0.4}, laps: 1", keys)
+    assert [problem.split(": ")[1].removeprefix("steps[1].follow.") for problem in problems] == [
+        "path",
+        "follower.speed_m_s",
+        "lapz",
+    ]
+
+
+def test_a_key_that_is_wrong_hides_nothing_of_other_keys(folder: Path) -> None:
+    steps = (folder / "mission.yaml").read_text().partition("steps:")[2].partition("supervision:")[0]
+    problems = refusal(folder, f"steps:{steps}", "steps:\n  - say: x\nspeed: 3\n")
+    assert [problem.split(": ")[1] for problem in problems] == ["steps", "speed"]
+    problems = refusal(folder, "record: runs/", "record: paths/line.csv\nlocaliser: {plugin: simulated_tracker}")
+    assert [problem.split(": ")[1] for problem in problems] == ["steps", "speed", "record", "localiser"]
+    shutil.copy(ROOT / "missions/robots/artemis_epos4.yaml", folder / "robots")
+    problems = refusal(folder, "artemis.yaml\nbus: simulation\ntick_hz: 50", "artemis_epos4.yaml\nbus: x\ntick_hz: 60")
+    assert [problem.split(": ")[1] for problem in problems[:2]] == ["bus", "tick_hz"]
+
+
 # ---------------------------------------------------------------------------------------------- every key, mutated
 
 

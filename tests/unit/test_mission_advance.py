@@ -346,6 +346,31 @@ def test_at_most_counts_only_time_in_which_the_mission_runs_and_lets_the_robot_c
     assert walk.tick(dt=0.1, standing=True) == "steps.0.try.catch.timeout.0.wait"
 
 
+@pytest.mark.parametrize("then", ["resume", "restart", "charged"])
+@pytest.mark.parametrize("inner", [False, True])
+def test_a_step_that_a_watcher_interrupts_ends_with_no_outcome_of_its_own(then: str, *, inner: bool) -> None:
+    """Not even in the tick in which the condition becomes true: the robot stands, but its mode has not ended yet."""
+    body = {"try": {"steps": [FOLLOW], "catch": {"battery-short": [CALIBRATE]}}} if inner else FOLLOW
+    during = {"during": {"steps": [body], "when": [{"if": "battery_v < 23", "steps": [WAIT], "then": then}]}}
+    charged = {"charged": [ASK]} if then == "charged" else {}
+    walk = Walker({"try": {"steps": [during], "catch": {**charged, "any": [CALIBRATE]}}})
+    assert walk.tick("battery-short", standing=False, battery_v=22.0).endswith("follow")
+    assert walk.rests
+    assert walk.tick("battery-short", standing=False).endswith("follow")
+    assert walk.tick().endswith("when.0.steps.0.wait")
+    assert walk.told() == ["fired battery_v < 23"]
+    assert walk.tick("done").endswith("ask" if then == "charged" else "follow")
+    if then != "charged":
+        assert walk.tick("battery-short", standing=False).endswith("calibrate"), "then it counts again"
+
+
+def test_a_step_that_rests_for_a_bad_outcome_beside_it_ends_with_no_other() -> None:
+    together = {"together": {"steps": [FOLLOW], "beside": [{"wait": {"for": "run_s > 100", "at_most_s": 1.0}}]}}
+    walk = Walker({"try": {"steps": [together], "catch": {"timeout": [CALIBRATE], "blocked": [ASK]}}})
+    assert walk.tick("blocked", dt=1.0, standing=False).endswith("follow")
+    assert walk.tick().endswith("catch.timeout.0.calibrate")
+
+
 def test_steps_that_end_while_the_robot_comes_to_rest_are_over() -> None:
     walk = Walker({"during": {"steps": [FOLLOW], "when": [{"if": "run_s > 1", "steps": [WAIT]}]}}, CALIBRATE)
     walk.tick(run_s=2.0, standing=False)

@@ -184,6 +184,17 @@ def test_an_outcome_of_its_own_that_no_try_catches_is_a_remark(then: str, hint: 
     assert checked(own_branch).remarks == [f"steps[0].try.catch.{then}[0].during.when[0].then: {words}"]
 
 
+def test_an_outcome_of_its_own_that_is_only_retried_ends_the_mission_after_its_retries() -> None:
+    during = {"during": {"steps": [WAIT], "when": [{"if": "run_s > 1", "then": "low"}]}}
+    at = "steps[0].try.steps[0].during.when[0].then: no `try` catches low"
+    for again in ({}, {"again_on": ["low"]}, {"again_on": ["any"]}):
+        retried = {"try": {"steps": [during], "retries": 2, **again}}
+        assert checked(retried).remarks == [f"{at}: after its retries it ends the mission as failed"]
+        assert checked({"try": {"steps": [retried], "catch": {"low": [SAY]}}}).remarks == []
+    another = {"try": {"steps": [during, FOLLOW], "retries": 2, "again_on": ["blocked"]}}
+    assert checked(another).remarks == [f"{at}: it ends the mission as failed"]
+
+
 def test_one_that_leads_on_or_that_cannot_happen_is_none() -> None:
     for watch in ({"then": "restart"}, {"steps": [WAIT]}, {"steps": [{"end": {}}], "then": "low"}):
         assert checked({"during": {"steps": [WAIT], "when": [{"if": "run_s > 1", **watch}]}}).remarks == []
@@ -311,6 +322,14 @@ def test_parts_that_do_not_fit_are_refused(tmp_path: Path, parts: str, problem: 
     assert problem in refused(tmp_path, f"steps: [{{call: a}}]\nparts: {parts}\n")
 
 
+@pytest.mark.parametrize("call", ["{part: a}", "{part: a, with: {x: 1, y: 2}}", "aa", "{part: a, with: {x: $z}}"])
+def test_a_call_that_does_not_fit_hides_no_part_that_is_not_called(tmp_path: Path, call: str) -> None:
+    parts = "{a: {takes: {x: }, steps: [{wait: {seconds: $x}}]}, other: {steps: [{wait: {seconds: 1}}]}}"
+    found = refused(tmp_path, f"steps: [{{call: {call}}}]\nparts: {parts}\n")
+    assert "parts.other: no step calls this part" in found
+    assert "parts.a:" not in found
+
+
 def test_parts_that_double_each_other_do_not_fill_the_memory(tmp_path: Path) -> None:
     parts = [f"  p{n}: {{steps: [{{call: p{n + 1}}}, {{call: p{n + 1}}}]}}" for n in range(30)]
     text = "\n".join(["steps: [{call: p0}]", "parts:", *parts, "  p30: {steps: [{wait: {seconds: 1}}]}"])
@@ -399,6 +418,9 @@ def test_what_is_wrong_with_a_step_does_not_hide_what_is_wrong_with_others(
         "{repeat: {tims: 3, steps: [{wait: {for: run_s > 1}}]}}",
         "{approach: {until: run_s > 1}}",
         "{calibrate: {steering: from_nowhere}}",
+        "{ask: {question: a, answers: [left], at_most: 3}}",
+        "{ask: {question: a, answer: [left]}}",
+        "{wate: {seconds: 1}}",
     ],
 )
 def test_what_is_wrong_with_a_step_does_not_hide_signals_that_are_unknown(tmp_path: Path, wrong: str) -> None:
@@ -415,6 +437,24 @@ def test_what_is_wrong_with_a_step_does_not_hide_signals_that_are_unknown(tmp_pa
 @pytest.mark.parametrize("wrong", ["{ask: {question: a}}", "{wate: {seconds: 1}}", "{call: nowhere}"])
 def test_signals_that_a_step_which_cannot_be_read_may_have_are_not_called_unknown(tmp_path: Path, wrong: str) -> None:
     assert "unknown signal" not in refused(tmp_path, f"steps: [{wrong}, {{wait: {{for: answer == 'a'}}}}]\n")
+
+
+def test_answers_that_cannot_be_read_are_any(tmp_path: Path) -> None:
+    wait = "{wait: {for: answer == 'lift'}}"
+    read = "{ask: {question: a, answers: [left, right], at_most: 3}}"
+    assert "answer is never 'lift'; nearest is 'left'" in refused(tmp_path, f"steps: [{read}, {wait}]\n")
+    for answers in ("[left, 3]", "left", "{left: right}"):
+        assert "never" not in refused(tmp_path, f"steps: [{{ask: {{question: a, answers: {answers}}}}}, {wait}]\n")
+
+
+@pytest.mark.parametrize("wrong", ["{follow: {pth: a.csv}}", "{approach: {untl: run_s > 1}}", "{ask: {question: a}}"])
+def test_what_is_wrong_with_a_step_does_not_hide_outcomes_with_which_no_step_ends(tmp_path: Path, wrong: str) -> None:
+    catch = "{bloked: [{say: x}], lost: [{say: y}], timeout: [{say: z}]}"
+    steps = f"{{try: {{steps: [{wrong}], catch: {catch}}}}}"
+    found = refused(tmp_path, f"steps: [{{calibrate: {{steering: from_potentiometers}}}}, {steps}]\n")
+    possible = "timeout" if "ask" in wrong else "lost"
+    told = [name for name in ("bloked", "lost", "timeout") if f"no step within ends with {name}" in found]
+    assert told == [name for name in ("bloked", "lost", "timeout") if name != possible], found
 
 
 def test_of_what_depends_on_a_step_that_cannot_be_read_nothing_is_said(tmp_path: Path) -> None:
