@@ -92,17 +92,19 @@ def _show(title: str, findings: Iterable[Finding], everything: bool) -> bool:
 
 def _software(everything: bool) -> Iterator[Finding]:
     yield Finding(OK, f"{described()}, {platform.platform()}")
+    missing = set[str]()
     for text in requires("artemis-robot") or ():
         need = Requirement(text)
         extra = _extra(need)
-        if need.name == "artemis-robot":
+        if need.name == "artemis-robot" or extra in DEVELOPERS:
             continue  # the extra `all` names the others
         try:
             found = version(need.name)
         except PackageNotFoundError:
             if extra is None:
                 yield Finding(FAILURE, f"{need.name} is not installed", f"pip install '{need.name}{need.specifier}'")
-            elif extra not in DEVELOPERS:
+            elif extra not in missing:
+                missing.add(extra)
                 costs = f": {'; '.join(SLOWER)}" if extra == "slam" else ""
                 yield Finding(NOTE, f"extra {extra} is not installed{costs}", f"pip install 'artemis-robot[{extra}]'")
             continue
@@ -111,7 +113,7 @@ def _software(everything: bool) -> Iterator[Finding]:
             yield Finding(
                 grade, f"{need.name} {found}: too old or too new", f"pip install '{need.name}{need.specifier}'"
             )
-        elif everything and extra not in DEVELOPERS:
+        elif everything:
             yield Finding(OK, f"{need.name} {found}")
 
 

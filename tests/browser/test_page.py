@@ -386,6 +386,30 @@ def test_on_a_phone_thumbs_hide_neither_stick_nor_stop(chromium: Any, rig: PageR
     finger.let_go()
 
 
+OVERLAPS = """(() => {
+  const shown = [...document.querySelectorAll('#drive button, #stick, #range-box, #stop, #tabs, #map-box')];
+  const boxes = shown.filter(each => each.checkVisibility()).map(each => [each.id || each.textContent, each.getBoundingClientRect()]);
+  return boxes.flatMap(([name, a], index) => boxes.slice(index + 1).filter(([, b]) =>
+    a.left < b.right - 1 && b.left < a.right - 1 && a.top < b.bottom - 1 && b.top < a.bottom - 1).map(([other]) => [name, other]));
+})()"""
+
+
+@pytest.mark.parametrize(("width", "height"), [(320, 568), (360, 740), (667, 375), (844, 390)])
+def test_on_phones_of_all_sizes_nothing_covers_anything(width: int, height: int, chromium: Any, rig: PageRig) -> None:
+    page = in_control(chromium, rig, **{**PHONE, "viewport": {"width": width, "height": height}})
+    page.evaluate("scrollTo(0, 0)")
+    assert page.evaluate(OVERLAPS) == []
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    stick, stop = (page.locator(name).bounding_box() for name in ("#stick", "#stop"))
+    assert stick["x"] + stick["width"] <= width
+    assert stop["x"] + stop["width"] <= width
+    assert stick["y"] + stick["height"] <= height or height < 2 * width < 3 * height, "all without scrolling"
+    assert min(stick["width"], stick["height"]) >= 150
+    page.click("#tab-drives")
+    table, panel = (page.locator(name).bounding_box() for name in ("#drives table", "#drives"))
+    assert table["width"] <= panel["width"], "no column is cut"
+
+
 def test_by_the_keyboard_alone(chromium: Any, rig: PageRig) -> None:
     page = opened(chromium, rig)
     for _ in range(30):

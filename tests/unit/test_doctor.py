@@ -127,6 +127,13 @@ def test_a_missing_package_is_a_failure_and_a_missing_extra_a_note(monkeypatch: 
     assert len(found) == 4  # and artemis itself
 
 
+def test_an_extra_is_missing_once_and_what_only_developers_need_is_no_finding(monkeypatch: pytest.MonkeyPatch) -> None:
+    needs = ['nor-this; extra == "ros2"', 'nor-that; extra == "ros2"', 'numpy>=999; extra == "dev"']
+    monkeypatch.setattr(doctor, "requires", lambda name: needs)
+    _, *found = doctor._software(everything=False)
+    assert [each.what for each in found] == ["extra ros2 is not installed"]
+
+
 def test_what_takes_longer_without_the_extra_slam_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doctor, "requires", lambda name: ['not-there>=1; extra == "slam"'])
     _, found = doctor._software(everything=False)
