@@ -20,7 +20,8 @@ class ChartLine:
 
     name: str
     ink: str
-    """What it is: `reference`, `estimated`, `true`, `left` or `right`. The style sheet knows its colour."""
+    """`reference` (set-point or plan), `estimated` (or measured), `true`, or `second`, of two measured ones. The style
+    sheet knows its colour."""
     values: Array
     """In the chart's unit, nan: unknown; shape (n,)."""
 
@@ -79,7 +80,7 @@ def _uncertainty(run: Series) -> Iterator[Chart]:
             ChartLine(name="standard deviation", ink="estimated", values=scale * std),
         )
         yield Chart(name=name, digits=digits, x=run.time, lines=lines, from_zero=True)
-    quality = ChartLine(name="quality", ink="left", values=run.quality)
+    quality = ChartLine(name="quality", ink="estimated", values=run.quality)
     yield Chart(name="quality of fixes", digits=2, x=run.time, lines=(quality,), from_zero=True)
 
 
@@ -104,7 +105,7 @@ def _wheels(run: Series, role: str, name: str, scale: float, digits: int) -> Ite
         if wheel.role == role:
             lines = (
                 ChartLine(name="set-point", ink="reference", values=scale * wheel.set_point),
-                ChartLine(name="measured", ink=wheel.side, values=scale * wheel.measured),
+                ChartLine(name="measured", ink="estimated", values=scale * wheel.measured),
             )
             yield Chart(name=name, digits=digits, x=run.time, lines=lines, title=drive)
 
@@ -119,10 +120,10 @@ def _angles(run: Series) -> Iterator[Chart]:
 
 def _temperatures(run: Series) -> Iterator[Chart]:
     for role in ("traction", "steering"):
+        drives = {drive: wheel for drive, wheel in run.wheels.items() if wheel.role == role}
         lines = tuple(
-            ChartLine(name=drive, ink=wheel.side, values=wheel.temperature)
-            for drive, wheel in run.wheels.items()
-            if wheel.role == role
+            ChartLine(name=drive, ink=ink, values=wheel.temperature)
+            for ink, (drive, wheel) in zip(("estimated", "second"), drives.items(), strict=False)
         )
         yield Chart(name="temperature [°C]", digits=1, x=run.time, lines=lines, title=f"{role} drives")
 
@@ -135,9 +136,12 @@ def _battery(run: Series) -> Iterator[Chart]:
     )
     yield Chart(name="charge [%]", digits=2, x=run.time, lines=charges)
     yield Chart(
-        name="voltage [V]", digits=3, x=run.time, lines=(ChartLine(name="under load", ink="left", values=run.volts),)
+        name="voltage [V]",
+        digits=3,
+        x=run.time,
+        lines=(ChartLine(name="under load", ink="estimated", values=run.volts),),
     )
-    watts = ChartLine(name="power", ink="right", values=run.watts)
+    watts = ChartLine(name="power", ink="estimated", values=run.watts)
     yield Chart(name="power [W]", digits=1, x=run.time, lines=(watts,), from_zero=True)
 
 

@@ -43,7 +43,6 @@ class Wheel:
     """One drive over time: speed [m/s] of a traction wheel or angle [rad] of a steered one; shape (n,)."""
 
     role: str
-    side: str
     set_point: Array
     measured: Array
     temperature: Array
@@ -370,9 +369,7 @@ def _wheels(table: Array, robot: RobotFile) -> dict[str, Wheel]:
         set_point, measured = table[:, len(_COLUMNS) + 2 * number :].T[:2]
         at = len(_COLUMNS) + 2 * len(robot.drives)
         temperature = table[:, at + warm.index(name)] if name in warm else unknown
-        wheels[name] = Wheel(
-            role=drive.role, side=drive.side, set_point=set_point, measured=measured, temperature=temperature
-        )
+        wheels[name] = Wheel(role=drive.role, set_point=set_point, measured=measured, temperature=temperature)
     return wheels
 
 

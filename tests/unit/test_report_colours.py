@@ -26,6 +26,7 @@ TOGETHER = [
     ("reference", "estimated"),
     ("true", "estimated"),
     ("true", "estimated", "odometry"),
+    ("estimated", "second"),
     ("r0", "r1"),
     ("event-fault", "event-request"),
     ("mode-fault", "mode-follow", "mode-ready"),
@@ -66,6 +67,6 @@ def test_signals_stand_out_from_the_page(theme: str) -> None:
     known = colours(theme)
     luminance = {name: float(np.array([0.2126, 0.7152, 0.0722]) @ c) for name, c in known.items()}
     paper = luminance["paper"]
-    for name in ("ink", "alarm", "good", "estimated", "true", "odometry", "slowed", "r0", "r1"):
+    for name in ("ink", "alarm", "good", "estimated", "true", "second", "odometry", "slowed", "r0", "r1"):
         contrast = (max(luminance[name], paper) + 0.05) / (min(luminance[name], paper) + 0.05)
         assert contrast >= 3.0, f"{name}: {contrast:.1f}"  # Web Content Accessibility Guidelines 2.1, 1.4.11

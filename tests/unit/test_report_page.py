@@ -24,6 +24,7 @@ from artemis.recording.mcap_reader import Recording
 from artemis.recording.mcap_writer import Recorder
 from artemis.recording.provenance import ResumePoint
 from artemis.report.chart_data import ROWS, thinned_rows
+from artemis.report.charts import charts_of
 from artemis.report.figures import thinned
 from artemis.report.page import MAX_ENTRIES, MAX_FAULTS, write_report
 from artemis.report.series import read_series
@@ -147,6 +148,20 @@ def test_charts_hold_what_was_recorded(tmp_path: Path) -> None:
     scale = steps.sum() / driven.sum()
     np.testing.assert_allclose(steps, scale * driven, atol=0.3)
     np.testing.assert_allclose(heading, -np.degrees(run.estimated[:, 2]), atol=0.06)
+
+
+def test_every_measured_line_has_a_colour_of_its_own(tmp_path: Path) -> None:
+    run = read_series(Recording(synthetic_run.record(tmp_path / "recording.mcap", synthetic_run.run(hz=10.0))))
+    warm = {name: dataclasses.replace(wheel, temperature=20.0 + run.time) for name, wheel in run.wheels.items()}
+    style = (Path(__file__).parents[2] / "artemis/static/report/report.css").read_text()
+
+    charts = [chart for charts in charts_of(dataclasses.replace(run, wheels=warm)).values() for chart in charts]
+
+    assert len(charts) == 7 + 2
+    for chart in charts:
+        colours = [re.findall(f"--{line.ink}: (#[0-9a-f]{{6}})", style) for line in chart.lines]
+        assert all(len(of_both_themes) == 2 for of_both_themes in colours), chart.name
+        assert len({light for light, _ in colours}) == len(chart.lines), chart.name
 
 
 def test_equal_runs_give_equal_figures(tmp_path: Path) -> None:

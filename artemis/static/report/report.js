@@ -65,7 +65,7 @@
       label: several ? `${line.name} ${held.runs[part.run].name}` : line.name,
       stroke: () => ink(name),
       width: reference ? 4 : 1.5,
-      dash: several && line.ink === "true" ? [2, 4] : [],
+      dash: several && (line.ink === "true" || line.ink === "second") ? [2, 4] : [],
       points: { show: single, size: 4 },
       value: (_, value) => (value == null ? "" : value.toFixed(chart.digits)),
     };
