@@ -388,9 +388,11 @@ def test_on_a_phone_thumbs_hide_neither_stick_nor_stop(chromium: Any, rig: PageR
 
 OVERLAPS = """(() => {
   const shown = [...document.querySelectorAll('#drive button, #stick, #range-box, #stop, #tabs, #map-box')];
-  const boxes = shown.filter(each => each.checkVisibility()).map(each => [each.id || each.textContent, each.getBoundingClientRect()]);
+  const visible = shown.filter(each => each.checkVisibility());
+  const boxes = visible.map(each => [each.id || each.textContent, each.getBoundingClientRect()]);
   return boxes.flatMap(([name, a], index) => boxes.slice(index + 1).filter(([, b]) =>
-    a.left < b.right - 1 && b.left < a.right - 1 && a.top < b.bottom - 1 && b.top < a.bottom - 1).map(([other]) => [name, other]));
+    a.left < b.right - 1 && b.left < a.right - 1 && a.top < b.bottom - 1 && b.top < a.bottom - 1
+  ).map(([other]) => [name, other]));
 })()"""
 
 
