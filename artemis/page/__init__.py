@@ -1,1 +1,1 @@
-"""The page for operators: a server in a process of its own, what it tells browsers, and who may use it."""
+"""The page for operators: its server in its own process, the states that browsers get, and access control."""

@@ -1,4 +1,4 @@
-"""Who may use a page: paired browsers, by a cookie that they got for a one-time code; and from which addresses.
+"""Access to a page: browsers that were paired by a one-time code, which have a cookie; the addresses of requests.
 
 A code and a cookie are a few bytes with an HMAC-SHA256 (RFC 2104) under the page's key, which its owner alone can read.
 So a page that is started again knows its browsers, and another process of the same user can make codes.
@@ -26,10 +26,10 @@ from artemis.errors import ConfigError
 from artemis.page.used_codes import UsedCodes
 
 CODE_TIME, PAIRED_TIME = 600, 90 * 86400
-"""A code is good for so long, a paired browser may come back for so long [s]."""
+"""Validity of a code, and of the cookie of a paired browser [s]."""
 KEY_BYTES, TAG, NONCE = 32, 10, 6
 MOST_GUESSES, GUESS_TIME = 20, 60.0
-"""So many wrong codes within this time [s]; then none is looked at."""
+"""Highest number of wrong codes within this time [s]; after that no code is checked."""
 _HEAD = struct.Struct(">I")
 _CODE, _COOKIE = b"code", b"cookie"
 
@@ -109,7 +109,7 @@ class Access:
         if len(self._wrong) >= MOST_GUESSES:
             return None
         until = _opened(self._key, _CODE, code, now)
-        # The disk may be slow, and Stop comes by the same loop; a thread waits only for who has a good code.
+        # The disk may be slow, and Stop uses the same loop; only a valid code starts a thread that waits.
         if until is None or not await asyncio.to_thread(self._used.take, _plain(code), until, now.timestamp()):
             self._wrong.append(now.timestamp())
             return None
@@ -120,7 +120,7 @@ class Access:
         return cookie is not None and _opened(self._key, _COOKIE, cookie, self._date()) is not None
 
     def is_our_host(self, host: str) -> bool:
-        """Whether a request's Host is this computer: a name that somebody else made lead here is not (DNS rebinding).
+        """Whether a request's Host is this computer: a foreign name that resolves to it is not (DNS rebinding).
 
         An address in numbers cannot be made to lead elsewhere.
         """

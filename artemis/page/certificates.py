@@ -1,6 +1,6 @@
 """Certificates for a page that other computers reach: an authority of this robot alone, and what it vouches for.
 
-Made by the program `openssl`. Browsers are told once to trust the authority; the robot's certificate can be renewed.
+Made by the program `openssl`. The authority is installed in each browser once; the robot's certificate can be renewed.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Between a run and the browsers: the newest of everything, sessions, and what goes to the run. On one running loop.
 
-Who sends to a browser takes what is newest when it has time: a slow one loses states, and costs no memory.
+A sender takes the newest state when its browser is ready: a slow browser loses states, and costs no memory.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ class Hub:
         self._wake()
 
     def connected(self, who: str, send: Send) -> PageSession:
-        """A browser's way of commands."""
+        """A browser's connection for commands."""
         session = PageSession(self.seats, who, self._loop.time(), send)
         self.sessions.add(session)
         return session
@@ -121,7 +121,7 @@ class Hub:
         self.seats.begin_report()
 
     def seat(self, session: PageSession | None) -> dict[str, Any]:
-        """Who has control, as this browser is told."""
+        """The message to this browser about who has control."""
         owner = self.seats.owner
         return {
             "t": "seat",
@@ -189,7 +189,7 @@ class Hub:
                 return
 
     def _heard(self) -> None:
-        """The run says nothing: it has ended, or its input was closed."""
+        """No report of the run arrives: it has ended, or its input was closed."""
         assert self._run is not None
         with suppress(BlockingIOError):
             try:

@@ -19,7 +19,7 @@ SUFFIXES = (".yaml", ".yml")
 MOST_FILES, MOST_PROBLEMS = 200, 50
 """More files of a folder, and more problems of a mission, are not shown."""
 HEAD = 100_000
-"""A mission says within so many bytes that it is one."""
+"""The key `mission` is within this number of bytes of a mission file."""
 PATIENCE = 120.0
 """A mission has this long to be checked [s], on a busy computer."""
 _IS_MISSION = re.compile(rb"^mission[ \t]*:", re.MULTILINE)
@@ -30,7 +30,7 @@ Stamp = tuple[int, int, int]
 
 
 class CheckedMission(msgspec.Struct, frozen=True, kw_only=True):
-    """What `artemis check --json` says of one mission."""
+    """The result of `artemis check --json` for one mission."""
 
     file: str
     mission: str = ""
@@ -61,7 +61,7 @@ class MissionFolder:
     """Looks which files there are; has those checked that are new, or not as they were."""
 
     def __init__(self, folder: Path, check: Sequence[str], changed: Callable[[], None]) -> None:
-        """`check`: a command that is given names of files and says lines of JSON; `changed`: something new is known."""
+        """`check`: a command that takes file names and prints lines of JSON; `changed`: called for new results."""
         self.folder = folder
         self.note = ""
         """What keeps missions from being shown."""
@@ -72,7 +72,7 @@ class MissionFolder:
         self._checking: asyncio.Task[None] | None = None
         self._process: asyncio.subprocess.Process | None = None
         self._again = self._over = False
-        """All shall be checked anew after that; nothing shall any more."""
+        """Check all missions anew afterwards; check nothing any more."""
 
     @property
     def missions(self) -> list[CheckedMission]:
@@ -114,7 +114,7 @@ class MissionFolder:
             self._checking = asyncio.get_running_loop().create_task(self._sweep())
 
     async def close(self) -> None:
-        """End a check that is under way."""
+        """End a check that is running."""
         self._over = True
         self._end_process()
         if self._checking is not None:
@@ -126,7 +126,7 @@ class MissionFolder:
                 self._process.kill()
 
     def _files(self) -> dict[str, Stamp]:
-        """Files that may be missions, with what tells that one was changed."""
+        """Files that may be missions, with what shows that one was changed."""
         found: dict[str, Stamp] = {}
         self.note = ""
         try:
@@ -161,14 +161,14 @@ class MissionFolder:
     # ------------------------------------------------------------------------------------------ checks
 
     async def _sweep(self) -> None:
-        """Check until all are; one that ends the process that checks it is told so, and the others go on."""
+        """Check until all are; a file that ends its process has that as its error, and the others are checked."""
         while True:
             while waiting := {name: known.stamp for name, known in self._known.items() if not known.facts.checked}:
                 if self._over:
                     return
                 left = dict(sorted(waiting.items()))
                 words = await self._checked(left)
-                if left:  # the first of these was under way
+                if left:  # the first of these was being checked
                     name = next(iter(left))
                     self._put(name, left[name], CheckedMission(file=name, problems=(f"{name}: {words}",)))
             if self._over or not self._again:
@@ -201,7 +201,7 @@ class MissionFolder:
                 except TimeoutError:
                     return f"its check did not end within {PATIENCE:g} s"
                 except ValueError:
-                    return "its check says too much"
+                    return "its check printed too much"
                 if not line:
                     return f"its check ended with status {await process.wait()} and without a word"
                 with suppress(msgspec.DecodeError):  # printed by a plugin

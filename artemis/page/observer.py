@@ -1,4 +1,4 @@
-"""The observer `page`: shows browsers what the robot does, and tells the input `page` what operators want."""
+"""The observer `page`: shows browsers what the robot does, and passes the requests of operators to the input `page`."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ class PageObserver:
             self._thread.start()
 
     def see(self, tick: Tick, traffic: Traffic, now: float) -> None:
-        """Tell of a tick."""
+        """Publish a tick."""
         view, thread = self._view, self._thread
         if thread is None:
             return
@@ -198,7 +198,7 @@ class _ServerThread(LoopThread):
         return "" if self._closed or self._thread.is_alive() else "its server has ended"
 
     def put(self, update: dict[str, Any]) -> None:
-        """Tell browsers. Never waits."""
+        """Send to browsers. Never waits."""
         self.hand_over(self._put, update)
 
     def _put(self, update: dict[str, Any]) -> None:

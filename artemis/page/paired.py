@@ -29,9 +29,9 @@ from artemis.page.access import PAIRED_TIME, Access, grouped, new_code
 
 MOST_BODY = 512
 MOST_CONNECTIONS, FIRST_REQUEST = 256, 3.0
-"""At once; and how long one may say nothing at first [s]."""
+"""Connections at the same time; and the time for a first request [s]."""
 PING = 5.0
-"""A WebSocket is asked so often whether it is there, and has so long to answer [s]."""
+"""Interval of pings of a WebSocket, and time to answer one [s]."""
 STATIC, SHARED = Path(__file__).with_name("static"), Path(__file__).parents[1] / "static"
 """The page's own files, and those that the reports of runs have, too."""
 TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
@@ -103,7 +103,7 @@ class PairedServer:
         self.app = AccessCheck(Starlette(routes=[*shared, *routes]), access)
 
     def _refused(self, peer: str) -> None:
-        """Somebody gave a wrong code."""
+        """A wrong code was given."""
 
     def is_paired(self, connection: HTTPConnection) -> bool:
         """Whether its browser is."""
@@ -149,8 +149,8 @@ class PairedServer:
 
 
 def peer_of(connection: HTTPConnection) -> str:
-    """The address of who is there."""
-    return connection.client.host if connection.client else "somebody"
+    """The address of the client."""
+    return connection.client.host if connection.client else "unknown"
 
 
 async def body_of(request: Request) -> bytes:
@@ -175,7 +175,7 @@ def file_answer(request: Request, name: str) -> Response:
 
 
 class TimedProtocol(H11Protocol):
-    """HTTP whose clients have a time for their first request: connections that say nothing leave room for Stop."""
+    """HTTP whose clients have a time for their first request: silent connections are closed, so that Stop has room."""
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Begin to wait."""
@@ -189,7 +189,7 @@ class TimedProtocol(H11Protocol):
             self._patience.cancel()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Nobody is waited for any more."""
+        """Do not wait for clients any more."""
         self._patience.cancel()
         super().connection_lost(exc)
 

@@ -1,4 +1,4 @@
-"""The runs of a folder: which there are, and what a list says of each. Reads, and changes nothing."""
+"""The runs of a folder, and the facts of each for a list. Reads, and changes nothing."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
     robot: str = ""
     simulated: bool = False
     start: str = ""
-    """Date and time in UTC (ISO 8601); empty: nobody knows."""
+    """Date and time in UTC (ISO 8601); empty: unknown."""
     duration: float = 0.0
     """Run time [s]."""
     state: str = "unfinished"
     """`over`, `running`, or `unfinished`: it ended without a word."""
     outcome: str = ""
-    """How it ended, in a few words."""
+    """How it ended, in short."""
     problem: str = ""
     """What of it cannot be read; empty: nothing."""
     faults: dict[str, int] = {}
-    """How often each came, by its words."""
+    """Number of occurrences by the text of a fault."""
     distance: float | None = None
-    """That the rear axle's centre drove, forwards and backwards [m]; None: nobody knows."""
+    """That the rear axle's centre drove, forwards and backwards [m]; None: unknown."""
 
 
 def runs_of(root: Path) -> list[str]:
@@ -94,7 +94,7 @@ def has_report(folder: Path) -> bool:
 
 
 def facts_of(folder: Path) -> RunFacts:
-    """What the journal says; where that does not suffice, the recording, which is read whole then."""
+    """The facts in the journal; where those do not suffice, in the recording, which is then read completely."""
     run = RunFolder(path=folder)
     journal = _journal(run.journal)
     entries: Sequence[Entry] = journal.entries if journal is not None else ()
@@ -169,7 +169,7 @@ def _events(recording: Recording, problems: list[str]) -> list[Entry]:
 
 
 def _of_recording(recording: Recording) -> dict[str, object]:
-    """What the first entry of its journal said."""
+    """The content of the first entry of its journal."""
     found: dict[str, object] = {"date": recording.start.isoformat()}
     with suppress(RecordingError):
         found |= {"mission": recording.mission.get("mission", ""), "bus": recording.mission.get("bus")}

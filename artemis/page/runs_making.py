@@ -1,4 +1,4 @@
-"""What a page has made of runs by its third process: one work at a time, told how far it is, kept beside the run."""
+"""What the third process of a page makes of runs: one task at a time, with its progress; kept beside the run."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from artemis.page.runs_replay import is_made
 from artemis.page.runs_work import Said, command
 
 LOOK_AGAIN = 10.0
-"""A run that changes is read again so long after it was read [s]."""
+"""A run that changes is read again after this time [s]."""
 MOST_WAITING = 8
 """Works that wait for the one at a time."""
 MOST_AT_ONCE = 50
@@ -28,7 +28,7 @@ MOST_AT_ONCE = 50
 MOST_ARCHIVES = 2
 """Downloads at once."""
 MOST_LINE = 1 << 20
-"""Bytes of a line that a process says; and of an archive that wait for a slow browser."""
+"""Longest line that a process prints; and part of an archive that waits for a slow browser [bytes]."""
 _ERRORS = 2000
 """The last bytes of what a process complains of that are looked at."""
 
@@ -39,7 +39,7 @@ class Making(msgspec.Struct):
     state: str = "waiting"
     """`waiting`, `making`, `ready`, or `failed`."""
     share: float | None = None
-    """That is done; None: nobody knows."""
+    """That is done; None: unknown."""
     problem: str = ""
 
 
@@ -92,7 +92,7 @@ class Works:
                         take(said.run, said.facts)
                 how = await ended()
         except OSError as error:
-            how = f"no process could be begun: {error.strerror}"
+            how = f"no process could be started: {error.strerror}"
         finally:
             self._reading.clear()
         for run in list(left):
@@ -101,7 +101,7 @@ class Works:
     # ------------------------------------------------------------------------------------------ report and replay
 
     def state(self, what: str, folder: Path) -> Making | None:
-        """How far the `report` or the `replay` of a run is; None: there is none, and nobody makes it."""
+        """How far the `report` or the `replay` of a run is; None: it neither exists nor is being made."""
         making = self._making.get((what, folder))
         if making is not None and making.state in ("waiting", "making"):
             return making
@@ -132,7 +132,7 @@ class Works:
                 if not making.problem and not await asyncio.to_thread(is_ready, what, folder):
                     making.problem = how or "the run changed meanwhile"
             except OSError as error:
-                making.problem = f"no process could be begun: {error.strerror}"
+                making.problem = f"no process could be started: {error.strerror}"
             making.state = "failed" if making.problem else "ready"
 
     # ------------------------------------------------------------------------------------------ an archive
@@ -151,7 +151,7 @@ class Works:
                 while piece := await process.stdout.read(1 << 16):
                     yield piece
                 if how := await ended():
-                    raise RuntimeError(how)  # ends the connection: a browser then says that the download failed
+                    raise RuntimeError(how)  # ends the connection: a browser then shows that the download failed
         finally:
             self._archives -= 1
 
@@ -172,7 +172,7 @@ async def _lines(process: Process) -> AsyncIterator[Said]:
 
 @asynccontextmanager
 async def _process(what: str, *arguments: str) -> AsyncIterator[Any]:
-    """A work in a process of its own, and what waits for its end and says what was wrong; it ends with the context."""
+    """A task in its own process, with a thread that waits for its end and reports errors; ends with the context."""
     with TemporaryFile() as errors:
         process = await asyncio.create_subprocess_exec(
             *command(what, *arguments),

@@ -1,6 +1,6 @@
-"""What a page replays a run from: states as a live page is told them, some of them, in pieces that are read one by one.
+"""What a page replays a run from: a part of the states that a live page gets, in pieces that are read one by one.
 
-`index.json` says what the whole run was: its way, modes, steps, faults and log. A piece begins with everything that
+`index.json` describes the whole run: its driven path, modes, steps, faults and log. A piece begins with everything that
 holds at its beginning, so that a page that goes there needs no other. All are packed by gzip, as browsers take it.
 """
 
@@ -39,7 +39,7 @@ SCAN_EVERY, MOST_SCANS = 0.5, 4000
 IN_PIECE = 600
 """States in one piece."""
 MOST_WAY = 6000
-"""Points of the way driven."""
+"""Points of the driven path."""
 MOST_LINES = 4000
 """Of the log; of a longer one those that only inform are left out."""
 _MADE = "made.json"
@@ -63,7 +63,7 @@ def is_made(folder: Path, run: Path) -> bool:
 
 
 def write_replay(run: Path, folder: Path, tell: Callable[[float], None] = lambda share: None) -> None:
-    """Make these files of a run. `tell` is told the share that is done: from then on so much can be shown.
+    """Make these files of a run. `tell` is called with the share that is done: from then on this part can be shown.
 
     Raises:
         RecordingError: the recording cannot be read, or the files not be written.
@@ -81,7 +81,7 @@ def write_replay(run: Path, folder: Path, tell: Callable[[float], None] = lambda
 
 
 def _put(file: Path, content: Any) -> None:  # noqa: ANN401 (JSON)
-    """Whole or not at all: who reads it does so meanwhile."""
+    """Completely or not at all: it is read at the same time."""
     part = file.with_suffix(".part")
     part.write_bytes(gzip.compress(_JSON(content), 6, mtime=0))
     part.replace(file)
@@ -208,7 +208,7 @@ class _Writer:
 
 
 class _Way:
-    """The way driven: time, x and y of points that are apart; None between two frames of the poses."""
+    """The driven path: time, x and y of points that are apart; None between two frames of the poses."""
 
     def __init__(self) -> None:
         self.points: list[tuple[float, float, float] | None] = []
@@ -236,7 +236,7 @@ def _is_end(points: Sequence[object], number: int) -> bool:
 
 
 def _mode_of(entry: Entry) -> str:
-    """A log has the words alone: `follow -> fault: why`."""
+    """A log has the text alone: `follow -> fault: why`."""
     return str(entry.data.get("to") or entry.text.split(": ", 1)[0].rsplit(" -> ", 1)[-1])
 
 

@@ -19,7 +19,7 @@ from artemis.page.runs_making import Making, Works
 from artemis.recording.run_folder import RunFolder
 
 ON_A_PAGE, MOST_ON_A_PAGE = 40, 100
-"""Runs of the list that are told at once."""
+"""Runs of the list in one answer."""
 REPORT = "report"
 REPORT_POLICY = (
     "sandbox allow-scripts; default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'; "
@@ -60,7 +60,7 @@ class PastRuns:
 
     @property
     def works(self) -> Works:
-        """What is being made; begun where somebody asks."""
+        """What is being made; started by a request."""
         if self._works is None:
             self._works = Works()
         return self._works
@@ -95,7 +95,7 @@ class PastRuns:
         return self._json({"all": len(found), "runs": runs})
 
     def _run(self, request: Request) -> Path | None:
-        """The folder that a request is about, if who asks may see it."""
+        """The folder that a request is about, if the client may see it."""
         if not self._is_paired(request):
             return None
         return find(self._roots, request.path_params["root"], request.path_params["name"])

@@ -45,7 +45,7 @@ def command(what: str, *arguments: str) -> list[str]:
 
 
 def main() -> None:
-    """Do what the arguments say."""
+    """Do the task that the arguments name."""
     os.nice(NICE)
     threading.Thread(target=_leave_at_end, daemon=True).start()
     what, folders = sys.argv[1], [Path(each) for each in sys.argv[2:]]
@@ -60,7 +60,7 @@ def main() -> None:
 
 
 def say(said: Said) -> None:
-    """One line to who began this."""
+    """Print one line to the parent process."""
     sys.stdout.buffer.write(msgspec.json.encode(said) + b"\n")
     sys.stdout.buffer.flush()
 
@@ -88,7 +88,7 @@ def _alone(folder: Path) -> Iterator[None]:
     except OSError as error:
         raise RecordingError(f"{folder.name}: {error.strerror}") from None
     try:
-        with suppress(OSError):  # a network file system may have no locks of folders: then nobody waits
+        with suppress(OSError):  # a network file system may have no locks of folders: then the process does not wait
             fcntl.flock(descriptor, fcntl.LOCK_EX)
         yield
     finally:

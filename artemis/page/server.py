@@ -23,11 +23,11 @@ from artemis.page.paired import BUSY, HEADERS, REFUSED, PairedServer, body_of, p
 from artemis.page.runs_server import PastRuns
 
 PAUSE = 0.02
-"""At least so long is between two messages to a browser [s]."""
+"""Shortest time between two messages to a browser [s]."""
 QUIET = 0.4
-"""Without anything new a browser is told so often that the page itself is there [s]."""
+"""Interval of messages to a browser while nothing is new [s]."""
 SLOW = 2.0
-"""A browser that does not take a message for so long is let go [s]."""
+"""A browser that does not take a message within this time is disconnected [s]."""
 MOST_WATCHING, MOST_WAITING = 16, 64
 
 
@@ -58,7 +58,7 @@ class PageServer(PairedServer):
         return Response(self._hub.history(), headers=HEADERS, media_type="application/json")
 
     async def _stop(self, request: Request) -> Response:
-        """Stop: whoever is paired, with or without control."""
+        """Stop: from any paired browser, with or without control."""
         if not self.is_paired(request):
             return JSONResponse({}, 403, HEADERS)
         try:
@@ -71,7 +71,7 @@ class PageServer(PairedServer):
         self._hub.flush()
         return JSONResponse({"id": press.id}, 202 if self._hub.reaches_run else 503, HEADERS)
 
-    # ------------------------------------------------------------------------------------------ what it tells
+    # ------------------------------------------------------------------------------------------ what it sends
 
     async def _telemetry(self, link: WebSocket) -> None:
         if not self.is_paired(link):
@@ -120,7 +120,7 @@ class PageServer(PairedServer):
                 with suppress(TimeoutError):
                     await asyncio.wait_for(news.wait(), QUIET)
 
-    # ------------------------------------------------------------------------------------------ what it hears
+    # ------------------------------------------------------------------------------------------ what it receives
 
     async def _control(self, link: WebSocket) -> None:
         if not self.is_paired(link):
@@ -153,9 +153,9 @@ class PageServer(PairedServer):
             while not session.closing:
                 session.receive(await link.receive_text(), hub.now)
                 hub.flush()
-            await asyncio.sleep(0)  # its last words
+            await asyncio.sleep(0)  # its last message
             await link.close(REFUSED)
-        except (WebSocketDisconnect, KeyError):  # KeyError: bytes, where only text is said
+        except (WebSocketDisconnect, KeyError):  # KeyError: bytes, where only text is valid
             pass
         finally:
             sending.cancel()

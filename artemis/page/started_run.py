@@ -1,4 +1,4 @@
-"""A run as the page that started it sees it: a process, the words that it says to its service manager, its last lines.
+"""A run as the page that started it sees it: a process, its messages to the service manager, its last lines.
 
 Its standard input ends with this process, and then so does the run. Its output goes to a file, so that a page that
 hangs never holds it up.
@@ -19,13 +19,13 @@ from tempfile import TemporaryDirectory, TemporaryFile
 from artemis.notify import READY, STATUS, STOPPING, WATCHDOG
 
 FED_EVERY = 3.0
-"""The run says twice in this time that it ticks [s]."""
+"""The run reports twice within this time that it ticks [s]."""
 HANG = 8.0
-"""One that has not ticked for so long is killed [s]: its drives stand by then, and it would have ended itself."""
+"""A run without a tick for this time is killed [s]: its drives stand by then, and it would have ended itself."""
 CANCEL_TIME = 10.0
-"""One that shall end before its first tick, or is not waited for after its last, has so long [s]; then it is killed."""
+"""Time to end before its first tick, or after its last if it is no longer waited for [s]; then it is killed."""
 END_TIME = 90.0
-"""One that shall end in order, and write its report, has so long [s]; then it is killed."""
+"""Time to end in order, and to write its report [s]; then it is killed."""
 MOST_OUTPUT, MOST_LINES, LONGEST_LINE = 1 << 20, 40, 300
 ENDINGS = {
     0: "done",
@@ -38,7 +38,7 @@ ENDINGS = {
 
 
 def ending(status: int) -> str:
-    """What an exit status means, in words."""
+    """Meaning of an exit status."""
     if status < 0:
         return f"killed by {signal.Signals(-status).name}; the drives stop by themselves"
     with suppress(ValueError):
@@ -57,9 +57,9 @@ class StartedRun:
             OSError: the system has no room for another process.
         """
         self.is_ready = self.is_stopping = False
-        """It ticks; its last tick is over."""
+        """It ticks; its last tick was executed."""
         self.status = ""
-        """What it does, in its own words."""
+        """What it does, as it reports that."""
         self.killed_at = inf
         """When it is killed if it has not ended [s]."""
         self._heard, self._why = now, ""
@@ -88,7 +88,7 @@ class StartedRun:
         self._stdin = self._process.stdin
 
     def look(self, now: float) -> int | None:
-        """Hear what it says; its exit status once it has ended. One that hangs is killed."""
+        """Read its messages; its exit status once it has ended. One that hangs is killed."""
         for words in self._said():
             if words == READY:
                 self.is_ready, self._heard, self.killed_at = True, now, inf
@@ -109,12 +109,12 @@ class StartedRun:
 
     @property
     def outcome(self) -> str:
-        """How it ended, in words."""
+        """How it ended."""
         status = self._process.returncode
         words = ending(status)
         if status < 0 and not self.is_ready:
             words = f"killed by {signal.Signals(-status).name} before its first tick; "
-            words += "it had switched on no drive, and one that was on stops by its own watchdog"
+            words += "it had enabled no drive, and one that was enabled stops by its own watchdog"
         elif self.is_stopping and (status < 0 or self.killed_at < inf):
             words = (
                 "it was not waited for after its last tick; the drives were released before, its report may be missing"
@@ -130,8 +130,8 @@ class StartedRun:
     def end(self, now: float) -> None:
         """Have it end in order; asked again it stops quickly. Its report is made all the same.
 
-        What ticks hears the end of its standard input. A service manager says SIGTERM to it, too, and that twice is a
-        quick stop; SIGHUP is one at once, as that of a terminal with somebody at it.
+        A run that ticks notices the end of its standard input. A service manager sends it SIGTERM, too; a second
+        one is a quick stop; SIGHUP is one at once, as that of a terminal with an operator.
         """
         if self._process.poll() is not None:
             return
@@ -143,7 +143,7 @@ class StartedRun:
         self._stdin.close()
 
     def cancel(self, now: float) -> None:
-        """Have one end that has not ticked yet, or whose last tick is over and its drives released: not waited for."""
+        """End a run that has not ticked yet, or whose last tick was executed and whose drives are released."""
         if self.is_stopping and self._process.poll() is None:
             self.killed_at = min(self.killed_at, now + CANCEL_TIME)
             self._process.send_signal(signal.SIGINT)

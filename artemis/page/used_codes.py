@@ -31,7 +31,7 @@ class UsedCodes:
         self._path = path
 
     def take(self, code: bytes, until: int, now: float) -> bool:
-        """Use a code up that is good `until` then; whether nobody has yet. `now` and `until` in s since 1970.
+        """Use a code up that is good `until` then; whether it was unused. `now` and `until` in s since 1970.
 
         Raises:
             ConfigError: it is not known which were used, or this one cannot be noted. It was not used up.

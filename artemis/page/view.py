@@ -1,4 +1,4 @@
-"""What a page is told of a run, made from its ticks: numbers at the page's rate, and what changes only when it does."""
+"""What a page gets of a run, from its ticks: numbers at the page's rate, other values only when they change."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ if TYPE_CHECKING:
     from artemis.mapping.occupancy import ShownMap
 
 TRAIL_STEP, MOST_TRAIL = 0.05, 6000
-"""The way driven is kept at points so far apart [m], and so many of them."""
+"""Distance of the points at which the driven path is kept [m], and their highest number."""
 HISTORY_EVERY, MOST_HISTORY = 0.2, 3000
-"""The time series are kept so often [s], and so many of them: ten minutes."""
+"""Interval at which time series are kept [s], and their highest number of values: ten minutes."""
 MOST_BEAMS = 360
 PATH_STEP = 0.05
 DETAILS = {"job", "result", "phase", "frames", "verdict"}
-"""Kinds of journal entries that are not shown where nothing is wrong: what they say is seen elsewhere."""
+"""Kinds of journal entries that are not shown unless something is wrong: their content is shown elsewhere."""
 SERIES = ("time", "speed", "wished", "steering", "cross_track", "battery", "late")
 """Columns of the time series, before the drives' currents."""
 
@@ -46,7 +46,7 @@ Part = dict[str, Any]
 
 
 class PageView:
-    """Sees every tick; `state` and the versioned parts are for those who send."""
+    """Sees every tick; `state` and the versioned parts are for senders."""
 
     def __init__(
         self,
@@ -77,7 +77,7 @@ class PageView:
         self._planned: dict[int, JobResult] = {}
         self._next_history = 0.0
         self._presses = (-1, 0)
-        """How often the path that is recorded was begun or ended, in which step."""
+        """How often recording of a path was started or ended, and in which step."""
         self._frame = ""
         self._times = MissionTimes(mission)
         self.log: list[Part] = []
@@ -271,7 +271,7 @@ class PageView:
         self._put("path", {"step": step, "points": points})
 
     def _see_presses(self, tick: Tick) -> None:
-        """Count who begins or ends the path that a step by hand records."""
+        """Count requests that start or end recording of a path in a step driven by hand."""
         step, (of, presses) = tick.position.step, self._presses
         if tick.mode is Mode.TELEOP:
             asked = sum(Request.RECORD in sample.requests for sample in tick.snapshot.sensed.inputs)

@@ -1,4 +1,4 @@
-"""A page that waits: who has control, what is chosen, what was started. Words and times; no socket, no process.
+"""A page that waits: who has control, what is selected, what was started. Values and times only; no socket, no process.
 
 One browser has control. It chooses a mission and starts it; one on a real robot by a second act. One run at a time.
 """
@@ -18,7 +18,7 @@ from artemis.page.mission_folder import CheckedMission
 SURE_AFTER, SURE_UNTIL = 0.8, 30.0
 """A second act counts from then until then after the first [s]: not two taps of one finger, nor one long ago."""
 MOST_MESSAGES, MESSAGE_TIME = 20, 1.0
-"""A browser that says more in this time [s] is let go."""
+"""A browser that sends more in this time [s] is disconnected."""
 
 File = Annotated[str, Meta(max_length=255)]
 Hash = Annotated[str, Meta(max_length=64)]
@@ -40,11 +40,11 @@ class Confirm(Struct, frozen=True, tag_field="t", tag="confirm", forbid_unknown_
 
 
 class Cancel(Struct, frozen=True, tag_field="t", tag="cancel", forbid_unknown_fields=True):
-    """What was begun shall end: needs no control."""
+    """A request to end what was started: needs no control."""
 
 
 class CheckAgain(Struct, frozen=True, tag_field="t", tag="check", forbid_unknown_fields=True):
-    """All missions shall be checked again."""
+    """A request to check all missions again."""
 
 
 Wanted = Take | GiveBack | Start | Confirm | Cancel | CheckAgain
@@ -52,7 +52,7 @@ _DECODER = msgspec.json.Decoder(Wanted)
 
 
 def wanted(text: str | bytes) -> Wanted:
-    """What a browser says. Raises MalformedFrame."""
+    """A message of a browser. Raises MalformedFrame."""
     found: Wanted = decoded(_DECODER, text)
     return found
 
@@ -68,7 +68,7 @@ class Watcher:
     messages: int = 0
 
     def may_say(self, now: float) -> bool:
-        """It has not said too much."""
+        """It has not sent too much."""
         if now - self.begun > MESSAGE_TIME:
             self.begun, self.messages = now, 0
         self.messages += 1
@@ -102,7 +102,7 @@ class Waiting:
     check: Callable[[], None]
     """Has all checked again."""
     changed: Callable[[], None]
-    """Browsers shall be told."""
+    """Called when browsers must be informed."""
     state: State = "waiting"
     owner: Watcher | None = None
     chosen: CheckedMission | None = None
@@ -114,11 +114,11 @@ class Waiting:
 
     @property
     def asked(self) -> CheckedMission | None:
-        """What who has control is asked about once more."""
+        """What the operator who has control must confirm."""
         return None if self._asked is None else self._asked[0]
 
     def obey(self, watcher: Watcher, said: Wanted, now: float) -> None:
-        """Take what a browser says at `now` [s]."""
+        """Take a message of a browser at `now` [s]."""
         watcher.refused = ""
         match said:
             case Take():
@@ -141,7 +141,7 @@ class Waiting:
         self.changed()
 
     def left(self, watcher: Watcher) -> None:
-        """It gives control back, or is gone; what was started goes on."""
+        """It gives control back, or is disconnected; what was started continues."""
         if self.owner is watcher:
             self.owner, self._asked = None, None
             self.changed()
@@ -175,7 +175,7 @@ class Waiting:
             watcher.refused = "what was asked is no longer so: start it again"
         elif now - asked[1] < SURE_AFTER:
             self._asked = asked
-            watcher.refused = "that was too quick: read what it says first"
+            watcher.refused = "confirmed too quickly: read the question first"
         else:
             self._begin(watcher, mission)
 
@@ -185,11 +185,11 @@ class Waiting:
             return None, f"{self.started_by} has started {self.chosen.mission if self.chosen else 'a mission'}"
         mission = self.missions(said.file)
         if mission is None:
-            return None, f"{said.file} is not there any more"
+            return None, f"{said.file} no longer exists"
         if not mission.may_start:
             return None, f"{said.file} has errors, or is being checked"
         if mission.hash != said.hash:
-            return None, f"{said.file} has changed: look at it again"
+            return None, f"{said.file} has changed: read it again"
         return mission, ""
 
     def _begin(self, watcher: Watcher, mission: CheckedMission) -> None:
@@ -198,7 +198,7 @@ class Waiting:
             self.state, self.chosen, self.started_by, self._asked = "starting", mission, watcher.who, None
 
     def seat(self, watcher: Watcher) -> dict[str, Any]:
-        """Who has control and what is asked, as this browser is told."""
+        """The message to this browser about who has control and what must be confirmed."""
         mine = self.owner is watcher
         asked = self.asked if mine else None
         return {

@@ -1,7 +1,7 @@
 """A robot that waits for an operator: the page of a folder of missions, and the runs that are started from it.
 
-The port stays bound all the time. While a run goes on its own page answers there, and this one does not listen: who
-drives and who stops does not depend on it.
+The port stays bound all the time. While a run is active its own page answers there, and this one does not
+listen: driving and Stop do not depend on it.
 """
 
 from __future__ import annotations
@@ -46,11 +46,11 @@ class WaitingPage:
 
         Args:
             folder: Of the missions.
-            config: As of a run's page; what it says of the mission's input is not used.
+            config: As of a run's page; its key for the mission's input is not used.
             tls: Certificate and key.
             check: The command that checks missions.
             run: The command that runs one.
-            manager: Is told how this process is.
+            manager: Gets the state of this process.
 
         Raises:
             ConfigError: the port is in use, also by a run that a page before this one started; or the key is bad.
@@ -103,7 +103,7 @@ class WaitingPage:
             self._server.run.end(now)
 
     async def close(self) -> None:
-        """Give everything back. A run that goes on, because this page has failed, is ended in order before."""
+        """Release everything. A run that is still active, because this page has failed, is ended in order before."""
         if not self._latest:
             self.end()
         await self._look()
@@ -199,7 +199,7 @@ class WaitingPage:
 
 
 def _locked(path: Path, port: int) -> int:
-    """A file that one such process has open at a time, and the run that it started as long as that goes on."""
+    """A file that one such process has open at a time, and the run that it started as long as that is active."""
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)

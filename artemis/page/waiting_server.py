@@ -1,4 +1,4 @@
-"""The server of a page that waits: what its browsers are told, and what they say."""
+"""The server of a page that waits: its messages to browsers, and theirs."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from artemis.page.waiting import Waiting, Watcher, wanted
 
 MOST_WATCHING = 16
 SLOW = 5.0
-"""A browser that does not take a message for so long is let go [s]."""
+"""A browser that does not take a message within this time is disconnected [s]."""
 PAUSE = 0.1
-"""At least so long is between two messages to a browser [s]."""
+"""Shortest time between two messages to a browser [s]."""
 
 
 class WaitingServer(PairedServer):
@@ -45,12 +45,12 @@ class WaitingServer(PairedServer):
         super().__init__(access, key, url, "waiting.html", routes)
 
     def tell(self) -> None:
-        """Have every browser told what is new."""
+        """Send to every browser what is new."""
         for news in self._watching.values():
             news.set()
 
     def told(self) -> dict[str, Any]:
-        """What every browser is told."""
+        """The message to every browser."""
         waiting, run = self._waiting, self.run
         started: dict[str, Any] | None = None
         if run is not None and waiting.chosen is not None:
@@ -90,7 +90,7 @@ class WaitingServer(PairedServer):
             await link.close(BUSY)
         except MalformedFrame:
             await link.close(REFUSED)
-        except (WebSocketDisconnect, KeyError):  # KeyError: bytes, where only text is said
+        except (WebSocketDisconnect, KeyError):  # KeyError: bytes, where only text is valid
             pass
         finally:
             telling.cancel()

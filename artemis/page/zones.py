@@ -34,7 +34,7 @@ class ZoneFiles:
                 self._steps.setdefault(name, []).append(number)
 
     def told(self) -> list[Part]:
-        """All zones, with the steps whose routes heed them."""
+        """All zones, with the steps whose routes avoid them."""
         return [self._of(name) for name in self._files]
 
     def change(self, change: ZoneChange) -> None:

@@ -74,7 +74,7 @@ def until(page: Any, wanted: str) -> None:  # noqa: ANN401
 
 def take_control(page: Any, *, hold: bool) -> None:  # noqa: ANN401
     """Take control, where nobody has it any more; and hold the stick."""
-    until(page, "document.getElementById('seat').textContent === 'Nobody has control.'")
+    until(page, "document.getElementById('seat').textContent === 'No operator has control.'")
     page.click("#take")
     until(page, "artemis.control.mine")
     page.wait_for_selector("#stick", state="visible")

@@ -104,7 +104,7 @@ def test_a_zone_is_drawn_listed_and_removed_on_a_phone(chromium: Any, rig: PageR
         page.touchscreen.tap(box["x"] + box["width"] * across, box["y"] + box["height"] * down)
     page.fill("#zone-name", "wet floor")
     page.tap("#act-do")
-    until(page, "document.getElementById('act-said').textContent.startsWith('The zone is kept')")
+    until(page, "document.getElementById('act-said').textContent.startsWith('The zone is saved')")
     zone = zones_in(beside.read_bytes(), "zones").zones[-1]
     assert (zone.name, zone.kind, len(zone.corners)) == ("wet floor", "keep-out", 3)
     assert page.evaluate("document.documentElement.scrollWidth") <= 390

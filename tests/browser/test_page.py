@@ -174,7 +174,7 @@ def test_a_page_that_hears_nothing_says_so_and_still_stops(chromium: Any, rig: P
     page = opened(chromium, rig)
     rig.reading = False  # the run hangs: no tick comes
     page.wait_for_selector("body[data-link=slow]")
-    assert "robot silent" in page.inner_text("#link")
+    assert "no state for" in page.inner_text("#link")
     page.click("#stop")
     rig.wait(lambda sample: Request.QUICKSTOP in sample.requests)
     assert any(row == "NET-11" for row, _ in rig.problems())

@@ -82,7 +82,7 @@ def test_a_gamepad_that_is_unplugged_drives_no_more_and_has_to_be_released(chrom
     held(rig, lambda: presses(page, SHOULDER), lambda: presses(page, SHOULDER, on=False))
     page.evaluate("pad.connected = false")
     rig.wait(lambda sample: not sample.enabled)
-    until(page, "document.getElementById('wish').textContent === 'the gamepad is gone'")
+    until(page, "document.getElementById('wish').textContent === 'the gamepad was disconnected'")
     since = len(rig.samples)
     page.evaluate("pad.connected = true")
     rig.wait(lambda _: len(rig.samples) > since + 40)

@@ -156,7 +156,7 @@ def test_a_replay_does_not_look_live(scheme: str, width: int, chromium: Any, rig
     replayed(page)
     for down in (0, 5000):
         page.evaluate(f"scrollTo(0, {down})")
-        for selector, words in (("#past", "not what the robot does now"), ("#simulated", "simulation")):
+        for selector, words in (("#past", "not the present state of the robot"), ("#simulated", "simulation")):
             assert words in page.inner_text(selector)
             box = page.locator(selector).bounding_box()
             assert box["width"] > 50

@@ -120,7 +120,7 @@ def test_one_that_hangs_before_its_first_tick_is_killed_some_time_after_it_was_t
         until(run, lambda: run.look(101.0 + CANCEL_TIME) is not None)
         assert run.outcome == (
             f"it did not end within {CANCEL_TIME:g} s: killed by SIGKILL before its first tick; "
-            "it had switched on no drive, and one that was on stops by its own watchdog"
+            "it had enabled no drive, and one that was enabled stops by its own watchdog"
         )
 
 

@@ -81,8 +81,8 @@ def test_who_has_control_starts_and_one_run_goes_on_at_a_time(page: Page) -> Non
     [
         (BROKEN, {}, "broken.yaml has errors, or is being checked"),
         (UNCHECKED, {}, "new.yaml has errors, or is being checked"),
-        (SIMULATED, {"hash": "ab"}, "lap.yaml has changed: look at it again"),
-        (SIMULATED, {"file": "../lap.yaml"}, "../lap.yaml is not there any more"),
+        (SIMULATED, {"hash": "ab"}, "lap.yaml has changed: read it again"),
+        (SIMULATED, {"file": "../lap.yaml"}, "../lap.yaml no longer exists"),
     ],
 )
 def test_only_what_was_checked_is_started(

@@ -84,7 +84,7 @@ def test_a_page_that_ends_starts_nothing_more(tmp_path: Path, monkeypatch: pytes
 @pytest.mark.parametrize(
     ("words", "state", "outcome"),
     [
-        (["STATUS=imports a plugin"], "starting", "SIGKILL before its first tick; it had switched on no drive"),
+        (["STATUS=imports a plugin"], "starting", "SIGKILL before its first tick; it had enabled no drive"),
         (["READY=1", "STOPPING=1"], "ending", "after its last tick; the drives were released before"),
     ],
 )

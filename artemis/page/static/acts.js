@@ -8,9 +8,9 @@ import {announce} from './panels.js';
 const $ = id => document.getElementById(id);
 const TURN = Math.PI / 180, LEAST = 12, SAID = 8000, SURE = 3000; // a drag is as long as that [px]; what was said is shown [ms]
 const WORDS = {
-  goal: ['Drive here', 'Press where the robot shall stand, and drag to where its front shall point.'],
-  pose: ['The robot is here', 'Press where the robot stands, and drag to where its front points.'],
-  zone: ['Keep out of it', 'Press each corner of the zone that the robot shall keep out of.'],
+  goal: ['Drive here', 'Press the goal position, and drag in the direction of the heading.'],
+  pose: ['The robot is here', 'Press the position of the robot, and drag in the direction of its heading.'],
+  zone: ['Keep out of it', 'Press each corner of the keep-out zone.'],
 };
 let about = null, state = null, zones = [], tool = '', draft = null, corners = [], from = null, said = 0;
 
@@ -103,7 +103,7 @@ function readCorners() {
 function perform() {
   if (tool === 'zone') {
     const {map: name, tag} = plan();
-    if (act({t: 'zone', map: name, known: tag, name: $('zone-name').value.trim(), corners})) pending = 'The zone is kept; routes planned from now on keep out of it.';
+    if (act({t: 'zone', map: name, known: tag, name: $('zone-name').value.trim(), corners})) pending = 'The zone is saved. Routes planned from now on avoid it.';
     return;
   }
   const {x, y, heading} = draft, kind = tool === 'goal' ? 'goal_pose' : 'initialpose';
@@ -123,7 +123,7 @@ function show(wrong = false) {
   let why = '';
   if (!mine) why = 'Take control first.';
   else if (tool === 'goal' && !goes()) why = 'No step of the mission asks for a goal now.';
-  else if (tool === 'zone' && wrong) why = 'Write two numbers for each corner, x and y in metres.';
+  else if (tool === 'zone' && wrong) why = 'Enter two numbers for each corner: x and y in metres.';
   $('act-do').disabled = !whole || Boolean(why);
   $('act-why').textContent = why;
   map.showDraft(tool === 'zone' ? null : draft, tool === 'zone' ? corners : []);
@@ -183,7 +183,7 @@ function listZones() {
         button.textContent = 'Press again';
         setTimeout(() => { button.textContent = 'Remove'; }, SURE);
       } else if (!act({t: 'zone', map: of.map, known: of.tag, remove: index + 1})) say('Refused: take control first.', true);
-      else pending = 'The zone is removed; routes planned from now on may lead there.';
+      else pending = 'The zone is removed. Routes planned from now on may cross it.';
     });
     const kind = {'keep-out': 'keep out', slow: `at most ${zone.speed} m/s`, prefer: 'preferred'}[zone.kind];
     return element('tr', {}, element('th', {scope: 'row'}, zone.name || `${index + 1}`), element('td', {}, kind),

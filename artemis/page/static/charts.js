@@ -31,12 +31,12 @@ function push(row) {
 function groups() {
   const at = name => names.indexOf(name), drives = names.slice(7);
   return [
-    {title: 'Speed [m/s]', series: [['driven', at('speed')], ['wished', at('wished')]]},
+    {title: 'Speed [m/s]', series: [['driven', at('speed')], ['commanded', at('wished')]]},
     {title: 'Steering [degrees, left positive]', series: [['angle', at('steering')]], convert: turn},
-    {title: 'Beside the path [m, left positive]', series: [['cross-track', at('cross_track')]]},
+    {title: 'Cross-track error [m, left positive]', series: [['cross-track', at('cross_track')]]},
     {title: 'Motor currents [A]', series: drives.map((name, index) => [name, 7 + index])},
     {title: 'Battery [V]', series: [['battery', at('battery')]]},
-    {title: 'Ticks late [ms]', series: [['late', at('late')]]},
+    {title: 'Tick lateness [ms]', series: [['late', at('late')]]},
   ].filter(group => group.series.some(([, index]) => columns[index]?.some(value => value !== null)));
 }
 

@@ -74,8 +74,8 @@ export function hold() {
   const now = performance.now(), since = last && now - last;
   last = now;
   told = false;
-  if (since > GAP) release('this page was held up: press again'); // its own timers were
-  else if (now - beatCame > GAP) release('the link was held up: press again');
+  if (since > GAP) release('this page was delayed: press again'); // its own timers were
+  else if (now - beatCame > GAP) release('the link was delayed: press again');
   const {held, x, y, jog = 0} = hand();
   told = held;
   say({

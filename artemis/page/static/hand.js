@@ -110,7 +110,7 @@ export function bindKeys(allowed) {
 setInterval(readPad, 50); // its Stop counts without control, and while nothing is heard of the robot
 function readPad() {
   const found = navigator.getGamepads ? Array.from(navigator.getGamepads()).find(each => each?.connected && each.mapping === 'standard') : null;
-  if (!found) { if (pad.held) { pad.held = false; why = 'the gamepad is gone'; } pad.armed = false; return; }
+  if (!found) { if (pad.held) { pad.held = false; why = 'the gamepad was disconnected'; } pad.armed = false; return; }
   const enable = found.buttons[5]?.pressed, stop = found.buttons[1]?.pressed;
   if (stop && !pad.stop) { pad.stop = true; padStop(); return; }
   pad.stop = stop;

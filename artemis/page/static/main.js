@@ -66,13 +66,13 @@ function showLink() {
   let state = 'ok', words = control.trip === null ? 'connected' : `${Math.round(control.trip)} ms`;
   if (!everCame) { state = 'none'; words = 'connecting'; }
   else if (gone) { state = 'none'; words = `lost ${(age / 1000).toFixed(0)} s ago`; }
-  else if (stateAge > OLD) { state = 'slow'; words = over ? 'run is over' : `robot silent ${stateAge.toFixed(0)} s`; }
+  else if (stateAge > OLD) { state = 'slow'; words = over ? 'run ended' : `no state for ${stateAge.toFixed(0)} s`; }
   else if (age > 400) { state = 'slow'; words = `${Math.round(age)} ms old`; }
   document.body.dataset.link = state;
   $('link').textContent = words;
   let banner = '';
-  if (everCame && gone && !over) banner = 'NOT CONNECTED. What is shown is old. The robot stops if it was driven from here; Stop is still sent.';
-  else if (over) banner = 'The run is over.';
+  if (everCame && gone && !over) banner = 'NOT CONNECTED. The displayed state is old. The robot stops if it was driven from here; Stop is still sent.';
+  else if (over) banner = 'The run has ended.';
   else if (stats.state?.alarm) banner = 'THE ROBOT DOES NOT STOP: PRESS THE EMERGENCY STOP';
   else if (unconfirmed) banner = 'Stop was not confirmed. Use the emergency stop on the robot.';
   if ($('banner').textContent !== banner) { $('banner').textContent = banner; $('banner').hidden = !banner; }
@@ -90,9 +90,9 @@ function showSeat() {
   $('take').disabled = !usable;
   $('give').hidden = !mine;
   $('hand').hidden = !mine;
-  let words = 'Nobody has control.';
-  if (!control.open) words = 'No connection.';
-  else if (!control.run) words = over ? 'The run is over.' : 'This run takes nothing from the page yet.';
+  let words = 'No operator has control.';
+  if (!control.open) words = 'Not connected.';
+  else if (!control.run) words = over ? 'The run has ended.' : 'This run does not accept requests from the page yet.';
   else if (mine) words = 'You have control.';
   else if (control.who) words = `${control.who} has control. You can watch, and stop.`;
   if (control.refused && !mine) words = `Refused: ${control.refused}.`;
@@ -106,7 +106,7 @@ function showHand() {
   let words = turns ? 'turning the wheel' : held ? `${y > 0.02 ? 'forward' : y < -0.02 ? 'backward' : 'stand'} ${Math.round(Math.abs(y) * 100)} %` : reason() || 'released';
   if (held && Math.abs(x) > 0.02) words += `, ${x < 0 ? 'left' : 'right'} ${Math.round(Math.abs(x) * 100)} %`;
   $('wish').classList.toggle('idle', held && !counts);
-  $('wish').title = held && !counts ? 'The robot does not drive by hand at present.' : '';
+  $('wish').title = held && !counts ? 'The robot is not being driven by hand now.' : '';
   if (held && !counts) words = `not driving: ${words}`;
   if ($('wish').textContent !== words) $('wish').textContent = words;
 }

@@ -32,7 +32,7 @@ export function showState(state) {
   $('mode-name').dataset.mode = mode;
   let words = phase;
   if (track) words = `${track[0].toFixed(1)} of ${track[1].toFixed(1)} m, ${Math.abs(sample[4] * 1000).toFixed(0)} mm ${sample[4] < 0 ? 'right' : 'left'} of the path`;
-  if (clear && clear[2] > 0) words = `stands for an obstacle since ${clear[2].toFixed(0)} s`;
+  if (clear && clear[2] > 0) words = `stopped for an obstacle for ${clear[2].toFixed(0)} s`;
   $('phase').textContent = words;
   if (mode !== lastMode && lastMode) announce(`Mode ${mode}. ${phase}`);
   lastMode = mode;
@@ -69,8 +69,8 @@ function showDrives(drives, sample, temperatures) {
 }
 function showInputs(inputs) {
   if ($('drives').hidden) return;
-  $('inputs').replaceChildren(...inputs.map(([name, enabled, age]) => element('li', {}, element('b', {}, name), ` ${enabled ? 'held' : 'not held'}, ${age === null ? 'not heard' : `heard ${(age * 1000).toFixed(0)} ms ago`}`)));
-  if (!inputs.length) $('inputs').replaceChildren(element('li', {}, 'This mission has none.'));
+  $('inputs').replaceChildren(...inputs.map(([name, enabled, age]) => element('li', {}, element('b', {}, name), ` ${enabled ? 'held' : 'not held'}, ${age === null ? 'no data' : `last data ${(age * 1000).toFixed(0)} ms ago`}`)));
+  if (!inputs.length) $('inputs').replaceChildren(element('li', {}, 'This mission has no inputs.'));
 }
 
 // ------------------------------------------------------------------------------------------ faults
@@ -85,7 +85,7 @@ export function showFaults(faults, past = false) {
     element('p', {class: 'severity'}, SEVERITY[fault.severity]),
     element('dl', {}, ...[['look', fault.look], ['artemis', fault.artemis], ['next', fault.next]].filter(row => row[1]).flatMap(
       ([term, words]) => [element('dt', {}, term), element('dd', {}, words)])))));
-  if (!faults.length) panel.replaceChildren(element('p', {class: 'calm'}, '✓ Nothing is wrong.'));
+  if (!faults.length) panel.replaceChildren(element('p', {class: 'calm'}, '✓ No faults.'));
   const fresh = faults.filter(fault => !known.has(`${fault.id} ${fault.device}`) && fault.severity >= 3);
   if (fresh.length && !past) { $('tab-faults').click(); announce(fresh.map(fault => `${SEVERITY[fault.severity]}: ${fault.id} ${fault.text}`).join('. ')); navigator.vibrate?.(200); }
   known = now;
@@ -94,7 +94,7 @@ export function showFaults(faults, past = false) {
 // ------------------------------------------------------------------------------------------ steps
 
 function showSteps(tree) {
-  const shown = tree ? branch(tree.steps ?? []) : element('p', {class: 'hint'}, 'The steps are not known.');
+  const shown = tree ? branch(tree.steps ?? []) : element('p', {class: 'hint'}, 'The steps are unknown.');
   $('steps').replaceChildren(shown, element('p', {id: 'before', class: 'hint'}));
   markStep();
 }

@@ -60,7 +60,7 @@ function line({id, name, facts}) {
   if (!facts) return element('li', {class: 'run'}, element('h2', {}, name), element('p', {class: 'hint'}, 'reading …'));
   const over = facts.state !== 'running', normal = facts.outcome === 'done' || facts.outcome === 'ended normally';
   const faults = Object.entries(facts.faults), number = faults.reduce((all, [, times]) => all + times, 0);
-  const outcome = {running: 'is running', unfinished: 'broke off'}[facts.state] ?? facts.outcome;
+  const outcome = {running: 'is running', unfinished: 'interrupted'}[facts.state] ?? facts.outcome;
   const sign = facts.state === 'running' ? '▶' : normal ? '✓' : '✖', title = facts.mission || name;
   const box = element('input', {type: 'checkbox', 'data-act': 'choose', 'aria-label': `Choose ${title}, ${when(facts.start)}`});
   box.checked = chosen.includes(id);
@@ -73,7 +73,7 @@ function line({id, name, facts}) {
       element('h2', {}, title, facts.simulated ? element('span', {class: 'tag'}, 'simulation') : null),
       element('p', {}, element('time', {datetime: facts.start}, when(facts.start)), facts.robot ? ` · ${facts.robot}` : ''),
       element('p', {class: `outcome ${normal ? 'good' : over ? 'bad' : ''}`}, `${sign} ${outcome || 'ended'}`),
-      facts.problem ? element('p', {class: 'damaged'}, `⚠ Not whole: ${facts.problem}`) : null,
+      facts.problem ? element('p', {class: 'damaged'}, `⚠ Incomplete: ${facts.problem}`) : null,
       faults.length ? element('details', {}, element('summary', {}, `✖ ${number} fault${number === 1 ? '' : 's'}`),
         element('ul', {}, ...faults.map(([text, times]) => element('li', {}, times > 1 ? `${text} (${times} times)` : text)))) : null),
     element('dl', {},
@@ -90,14 +90,14 @@ function acts(id, title, over) {
     report.disabled = true;
     const made = await makeIt(id, 'report', words => { said.textContent = words; });
     report.disabled = false;
-    said.textContent = made ? 'the report is there: ' : said.textContent;
+    said.textContent = made ? 'the report is ready: ' : said.textContent;
     if (!made) return;
     said.append(element('a', {href: `${place(id)}/report.html`, target: '_blank', rel: 'noopener'}, 'open it'));
     if (!window.open(`${place(id)}/report.html`, '_blank')) said.lastElementChild.focus();
   });
   return element('div', {class: 'row acts'},
     over ? element('a', {class: 'link primary', 'data-act': 'replay', href: `/runs/replay?run=${encodeURIComponent(id)}`, 'aria-label': `Replay of ${title}`}, 'Replay')
-      : element('a', {class: 'link', 'data-act': 'replay', href: '/'}, 'Watch it'),
+      : element('a', {class: 'link', 'data-act': 'replay', href: '/'}, 'Live page'),
     report,
     element('a', {class: 'link', 'data-act': 'download', href: `${place(id)}/run.zip`, download: '', 'aria-label': `Download all files of ${title}`}, 'Download'), said);
 }
@@ -114,7 +114,7 @@ function choose(id, on) {
 function showChosen() {
   chosen = chosen.filter(id => shown.has(id));
   $('replay-both').disabled = chosen.length !== 2;
-  $('chosen').textContent = chosen.length === 0 ? 'Choose two runs to lay one over the other.' : chosen.length === 1 ? 'One run is chosen: choose another.' : 'Two runs are chosen.';
+  $('chosen').textContent = chosen.length === 0 ? 'Select two runs to replay them together.' : chosen.length === 1 ? 'One run selected: select another.' : 'Two runs selected.';
 }
 $('replay-both').addEventListener('click', () => { location.href = `/runs/replay?run=${encodeURIComponent(chosen[0])}&with=${encodeURIComponent(chosen[1])}`; });
 $('more').addEventListener('click', () => { wanted += COUNT; load(); });

@@ -43,7 +43,7 @@ async function growing(found, tell) { // its beginning is there, the rest is bei
 
 async function begin() {
   const tell = words => { $('making').textContent = words; $('making').hidden = !words; };
-  if (!id) { tell('No run is named: choose one in the list.'); return; }
+  if (!id) { tell('No run selected: select one in the list.'); return; }
   run = await opened(id, tell);
   if (!run) return;
   if (run.index.whole) tell(run.index.pieces.length ? '' : 'Nothing of this run was recorded.');
@@ -67,9 +67,9 @@ async function begin() {
 function showFacts() {
   const {index, about} = run;
   const began = new Date(index.start).toLocaleString(undefined, {dateStyle: 'full', timeStyle: 'medium'});
-  $('past-of').textContent = `of ${new Date(index.start).toLocaleString(undefined, {dateStyle: 'medium', timeStyle: 'short'})}: not what the robot does now`;
-  $('facts').replaceChildren(...[`${began}, ${longTime(index.end - index.begin)}`, index.outcome ? `ended: ${index.outcome}` : 'broke off', `${index.faults.length} faults`,
-    index.problem ? `not whole: ${index.problem}` : '', `${about.robot}, artemis ${index.versions.artemis ?? '?'}`].filter(Boolean).flatMap(words => [words, element('br')]));
+  $('past-of').textContent = `of ${new Date(index.start).toLocaleString(undefined, {dateStyle: 'medium', timeStyle: 'short'})}: not the present state of the robot`;
+  $('facts').replaceChildren(...[`${began}, ${longTime(index.end - index.begin)}`, index.outcome ? `ended: ${index.outcome}` : 'interrupted', `${index.faults.length} faults`,
+    index.problem ? `incomplete: ${index.problem}` : '', `${about.robot}, artemis ${index.versions.artemis ?? '?'}`].filter(Boolean).flatMap(words => [words, element('br')]));
 }
 
 // ------------------------------------------------------------------------------------------ playing
@@ -102,7 +102,7 @@ function show() {
   const time = play.time, found = run.at(time, play.rate >= 60 ? 4 : 1);
   document.body.classList.toggle('loading', !found && run.index.pieces.length > 0);
   const mode = found?.state.mode ?? '', words = `${clock(time, 1)} of ${clock(run.end)}`;
-  $('time').textContent = found ? words : `${words}, ${run.failed ? `not loaded: ${run.failed}` : !run.index.whole && time > run.index.known ? 'being made' : 'loading'}`;
+  $('time').textContent = found ? words : `${words}, ${run.failed ? `not loaded: ${run.failed}` : !run.index.whole && time > run.index.known ? 'being computed' : 'loading'}`;
   showTime(time, [words, mode, stepAt(time)].filter(Boolean).join(', '));
   markLog(time);
   if (!found) return;
@@ -129,7 +129,7 @@ function stepAt(time) {
 function toFault(direction) {
   const times = run.index.faults.map(([time]) => time), at = play.time;
   const to = direction > 0 ? times.find(time => time > at + 0.05) : times.findLast(time => time < at - 0.05);
-  if (to === undefined) { panels.announce(direction > 0 ? 'There is no fault after this.' : 'There is no fault before this.'); return; }
+  if (to === undefined) { panels.announce(direction > 0 ? 'There is no later fault.' : 'There is no earlier fault.'); return; }
   setPlaying(false);
   go(to);
   panels.announce(run.index.faults.filter(([time]) => time === to).map(([, text]) => text).join('. '));
@@ -168,8 +168,8 @@ function align() { // what is added to a time of the other run to have that of t
   else if (at === 'clock') shift = (new Date(other.index.start) - new Date(run.index.start)) / 1000;
   else shift = run.began.get(at) - other.began.get(at);
   const meets = other.begin + shift < run.end && other.end + shift > run.begin;
-  $('other-said').textContent = [meets ? '' : 'Then the other run is at no time beside this one.',
-    other.index.about.robot === run.about.robot ? '' : `It is of another robot: ${other.index.about.robot}.`].filter(Boolean).join(' ');
+  $('other-said').textContent = [meets ? '' : 'With this alignment the two runs do not overlap.',
+    other.index.about.robot === run.about.robot ? '' : `The other run is of another robot: ${other.index.about.robot}.`].filter(Boolean).join(' ');
   showLine();
   stale = true;
 }

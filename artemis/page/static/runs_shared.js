@@ -24,7 +24,7 @@ export async function makeIt(id, what, tell) { // true: it is there; else it was
     try {
       const answer = await fetch(`${place(id)}/${what}`, {method});
       if (answer.status === 403) { location.replace('/pair'); return false; }
-      if (!answer.ok) { tell('there is no such run'); return false; }
+      if (!answer.ok) { tell('this run does not exist'); return false; }
       made = await answer.json();
     } catch {
       tell('not connected: trying again');
@@ -53,8 +53,8 @@ export function bindStopNow() {
         status = (await fetch('/stop', {method: 'POST', body: JSON.stringify({t: 'stop', id}), keepalive: true, signal: AbortSignal.timeout(1000)})).status;
       } catch { /* not there at present */ }
       if (status === 202) { say('Stop was sent to the robot.'); return; }
-      if (status === 403 || status === 404) { say(status === 403 ? 'Stop was refused: pair this browser again. Use the emergency stop on the robot.' : 'No robot runs here at present.'); return; }
-      say(`Stop is not confirmed${status === 503 ? ': no run takes it at present' : ''}. It is sent again. Use the emergency stop on the robot.`);
+      if (status === 403 || status === 404) { say(status === 403 ? 'Stop was refused: pair this browser again. Use the emergency stop on the robot.' : 'No run is active here.'); return; }
+      say(`Stop is not confirmed${status === 503 ? ': no run is active' : ''}. It is sent again. Use the emergency stop on the robot.`);
       await wait(STOP_AGAIN);
     }
     say('Stop was not confirmed. Use the emergency stop on the robot.');

@@ -13,7 +13,7 @@ function connect() {
   socket.onmessage = event => { told = JSON.parse(event.data); document.body.dataset.link = 'ok'; show(); };
   socket.onclose = () => {
     document.body.dataset.link = 'none';
-    write('state', told?.run ? 'the page of the run comes' : 'not connected');
+    write('state', told?.run ? 'opening the page of the run' : 'not connected');
     ask(null);
     for (const button of document.querySelectorAll('main button')) button.disabled = true;
     reloadIfOther('/missions');
@@ -23,7 +23,7 @@ function connect() {
 
 // ------------------------------------------------------------------------------------------ what is there
 
-const STATES = {waiting: 'ready', starting: 'a run begins', running: 'a run goes on', ending: 'a run ends'};
+const STATES = {waiting: 'ready', starting: 'run starting', running: 'run active', ending: 'run ending'};
 
 function show() {
   const {folder, note, state, seat, run, last} = told;
@@ -36,7 +36,7 @@ function show() {
   $('take').disabled = Boolean(seat.who);
   $('give').hidden = !seat.mine;
   $('give').disabled = $('check').disabled = $('invite').disabled = $('cancel').disabled = false;
-  write('seat', seat.mine ? 'You have control: you may start a mission.' : seat.who ? `${seat.who} has control. You can watch.` : 'Nobody has control.');
+  write('seat', seat.mine ? 'You have control: you may start a mission.' : seat.who ? `${seat.who} has control. You can watch.` : 'No operator has control.');
   const refused = seat.refused ? `Refused: ${seat.refused}.` : '';
   write('banner', refused);
   $('banner').hidden = !refused;
@@ -55,9 +55,9 @@ function showLines(id, lines) {
 function showRun(run, state) {
   $('run').hidden = !run;
   if (!run) return;
-  write('run-title', state === 'ending' ? `${run.mission} has come to its end` : `${run.mission} begins`);
-  const cancelled = run.cancelled === null ? '' : `It was told to end, and is killed if it has not within ${run.cancelled} s. `;
-  write('run-status', cancelled + (state === 'ending' ? 'The drives are released; its summary and its report are made. If that does not end, do not wait for it: a report can be made again under Past runs.' : cancelled ? 'It has switched on no drive.' : `Started by ${run.who}. When it is ready its page comes here; nothing moves before somebody arms there.`));
+  write('run-title', state === 'ending' ? `${run.mission} is ending` : `${run.mission} is starting`);
+  const cancelled = run.cancelled === null ? '' : `It was asked to end, and is killed if it has not ended within ${run.cancelled} s. `;
+  write('run-status', cancelled + (state === 'ending' ? 'The drives are disabled; summary and report are being written. If that takes too long, do not wait for them: the report can be created later under Past runs.' : cancelled ? 'No drive was enabled.' : `Started by ${run.who}. When it is ready, its page opens here; nothing moves before an operator arms there.`));
   showLines('run-lines', run.lines);
   write('cancel', state === 'ending' ? 'Do not wait for its report' : 'Cancel the start');
   $('cancel').hidden = state !== 'starting' && state !== 'ending';
@@ -102,7 +102,7 @@ function cardOf(mission, mine) {
   const where = element('p', {class: 'where'}, element('span', {}, file));
   if (mission.robot) where.append(element('span', {}, 'robot ', element('b', {}, mission.robot)));
   if (mission.bus) where.append(element('span', {class: simulated ? 'simulated' : 'real'}, simulated ? 'simulated' : `real, on ${mission.bus}`));
-  if (!checked) where.append(element('span', {}, 'is being checked…'));
+  if (!checked) where.append(element('span', {}, 'checking…'));
   const made = element('li', {class: `mission ${kind}`, 'aria-labelledby': `mission-${file}`}, title, where);
   if (mission.about) made.append(element('p', {}, mission.about));
   if (checked && problems.length) {
