@@ -31,7 +31,7 @@ function push(row) {
 function groups() {
   const at = name => names.indexOf(name), drives = names.slice(7);
   return [
-    {title: 'Speed [m/s]', series: [['driven', at('speed')], ['wished', at('wished')]]},
+    {title: 'Speed [m/s]', series: [['driven', at('speed')], ['commanded', at('wished')]]},
     {title: 'Steering [degrees, left positive]', series: [['angle', at('steering')]], convert: turn},
     {title: 'Beside the path [m, left positive]', series: [['cross-track', at('cross_track')]]},
     {title: 'Motor currents [A]', series: drives.map((name, index) => [name, 7 + index])},
@@ -71,7 +71,7 @@ function make(wanted) {
     const plot = new uPlot({
       width: Math.max(box.clientWidth - 24, 240), height: 150,
       cursor: {sync: {key: 'run'}, drag: {x: true, y: false}},
-      scales: {x: {time: false}},
+      scales: {x: {time: false}, y: {range: (chart, low, high) => low === high ? [low - 1, high + 1] : uPlot.rangeNum(low, high, 0.1, true)}},
       legend: {live: true},
       hooks: {setSelect: [chart => { if (chart.select.width > 4) zoomed = true; }]},
       axes: [{...axis, values: (chart, ticks) => ticks.map(tick => `${tick} s`)}, {...axis, size: 52}],
