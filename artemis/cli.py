@@ -84,7 +84,7 @@ def run(
 
 @app.command()
 def check(
-    missions: Annotated[list[Path], typer.Argument(metavar="MISSION...", help="Mission files (YAML).")],
+    missions: Annotated[list[Path], typer.Argument(metavar="MISSION", help="Mission files (YAML).")],
     walk: Annotated[
         int, typer.Option(metavar="N", min=0, max=100_000, help="Report the steps that N random walks never reach.")
     ] = 0,

@@ -59,7 +59,7 @@ class Request(Enum):
     LEFT_TENTH, RIGHT_TENTH = "a tenth of a degree to the left", "a tenth of a degree to the right"
 
 
-class OperatorInput(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
+class OperatorInput(Struct, frozen=True, kw_only=True, omit_defaults=True, repr_omit_defaults=True, gc=False):
     """The newest valid sample of one input device. Axes are levels; requests and poses happen once."""
 
     source: str

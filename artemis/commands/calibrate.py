@@ -33,7 +33,7 @@ def calibrate_input(
 
 @calibrate.command("odometry")
 def calibrate_odometry(
-    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Folders of runs; with --machine, tables.")],
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN", help="Folders of runs; with --machine, tables.")],
     truth: Annotated[
         list[str] | None,
         typer.Option(metavar="FILE", help="Use true poses, one file per run: CSV or TUM; or `simulation`, once."),
@@ -85,7 +85,7 @@ def calibrate_scanner(
 
 @calibrate.command("battery")
 def calibrate_battery(
-    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Folders of runs, or recordings.")],
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN", help="Folders of runs, or recordings.")],
     hold: Annotated[
         list[str] | None,
         typer.Option(metavar="KEY", help="Keep this value of the robot file (newtons_per_ampere)."),

@@ -24,7 +24,7 @@ from artemis.report.mission_times import MissionTimes
 from artemis.states.modes import RUNNING
 from artemis.states.requests import ignored
 from artemis.supervision.catalogue import ROWS
-from artemis.values import Fault, JobKind, Mode, OperatorInput, Severity, Snapshot, Tick, Verdict
+from artemis.values import Fault, JobKind, Mode, OperatorInput, Request, Severity, Snapshot, Tick, Verdict
 
 REFRESH = 0.1
 """Seconds on the wall between two refreshes of the changing line."""
@@ -78,6 +78,8 @@ class LiveView:
         self._poses = AskedPoses()
         self._load = _BusLoad(bitrate)
         self._shown: tuple[Mode | None, str] = (None, "")
+        self._requested: dict[Request, str | None] = {}
+        """At the tick before; why each was ignored, if it was."""
         self._verdict = Verdict()
         self._refreshed = -REFRESH
         self._lines = [self._styled(title, _BOLD), *([self._styled(hint, _DIM)] if hint else [])]
@@ -93,10 +95,8 @@ class LiveView:
         for answer in (*sensed.answers, *(typed.text for typed in sensed.typed)):
             self._say(sensed.time, "answer", answer)
         self._point(tick)
-        for request in sensed.requests:
-            reason = ignored(request, tick)
-            text = f"{request.value}: ignored, {reason}" if reason else request.value
-            self._say(sensed.time, "request", text, _YELLOW if reason else None)
+        if sensed.requests or self._requested:
+            self._request(tick)
         if tick.snapshot.verdict is not self._verdict:
             self._compare(sensed.time, tick.snapshot.verdict)
         for result in sensed.results:
@@ -114,6 +114,15 @@ class LiveView:
         if self._lost:
             self._lost = False
             self._on_lost()
+
+    def _request(self, tick: Tick) -> None:
+        """What was asked for, once where an input repeats it at every tick."""
+        before, self._requested = self._requested, {}
+        for request in tick.snapshot.sensed.requests:
+            reason = self._requested[request] = ignored(request, tick)
+            if request not in before or before[request] != reason:
+                text = f"{request.value}: ignored, {reason}" if reason else request.value
+                self._say(tick.snapshot.sensed.time, "request", text, _YELLOW if reason else None)
 
     def _point(self, tick: Tick) -> None:
         """Goals and initial poses that somebody gave."""

@@ -22,7 +22,7 @@ Force = Annotated[bool, typer.Option("--force", help="Overwrite existing files."
 @maps.command("build")
 def build_map(
     runs: Annotated[
-        list[Path], typer.Argument(metavar="RUN...", help="Folders of runs, or CARMEN logs (.clf, .log, also .gz).")
+        list[Path], typer.Argument(metavar="RUN", help="Folders of runs, or CARMEN logs (.clf, .log, also .gz).")
     ],
     output: Output,
     resolution: Annotated[float, typer.Option(metavar="M", help="Set the side of a cell.")] = 0.05,

@@ -40,7 +40,9 @@ def config_from(options: Mapping[str, Any]) -> PageObserverConfig:
     try:
         return PageObserverConfig.model_validate(options)
     except ValidationError as error:
-        raise ConfigError([str(problem["msg"]) for problem in error.errors()]) from None
+        raise ConfigError(
+            [str(problem.get("ctx", {}).get("error", problem["msg"])) for problem in error.errors()]
+        ) from None
 
 
 def page_of(loaded: LoadedMission) -> PageObserverConfig | None:

@@ -62,7 +62,7 @@ def record_path(
 
 @paths.command("show")
 def show_paths(
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Path files.")],
+    files: Annotated[list[Path], typer.Argument(metavar="FILE", help="Path files.")],
     robot: Annotated[
         Path | None, typer.Option(metavar="ROBOT", help="Check that this robot (YAML) can drive them.")
     ] = None,

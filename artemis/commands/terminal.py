@@ -42,9 +42,10 @@ _ARE_YOU_THERE, _ASKED = b"\x1b[5n", 0.05
 
 def lose_output() -> None:
     """What is printed from now on goes nowhere: standard output cannot be written."""
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, sys.stdout.fileno())
-    os.close(nowhere)
+    nowhere, output = os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno()
+    if nowhere != output:  # the same number where standard output was closed
+        os.dup2(nowhere, output)
+        os.close(nowhere)
 
 
 def somebody_is_there() -> bool:

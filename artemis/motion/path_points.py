@@ -134,16 +134,22 @@ def _check_points(points: Points) -> None:
     """Report what makes readable points no path: too far apart, too long, no speed."""
     table, gaps = points.table, np.hypot(np.diff(points.x), np.diff(points.y))
     if gaps.sum() > MAX_LENGTH:
-        table.report_file(f"path of {gaps.sum():.0f} m; expected at most {MAX_LENGTH:.0f} m, coordinates in metres")
+        table.report_file(
+            f"path of {_metres(gaps.sum(), 0)} m; expected at most {MAX_LENGTH:.0f} m, coordinates in metres"
+        )
     wide = [index for index in np.flatnonzero(gaps > MAX_GAP).tolist() if not table.is_torn(points.kept[index + 1])]
     waypoints = bool(wide) and bool(np.median(gaps) > MAX_GAP)
     for index in wide[:1] if waypoints else wide:
-        problem = f"{gaps[index]:.2f} m from the point before; expected at most {MAX_GAP:g} m"
+        problem = f"{_metres(gaps[index], 2)} m from the point before; expected at most {MAX_GAP:g} m"
         points.report(index + 1, problem + (WAYPOINTS.format(_shown(points)) if waypoints else ""))
     if points.speed is not None:
         for index in np.flatnonzero((points.speed <= 0) | (points.speed > MAX_SPEED)).tolist():
             bound = "more than 0" if points.speed[index] <= 0 else f"at most {MAX_SPEED:g}"
             points.report(index, f"speed: expected {bound} m/s, found {points.speed[index]:g}", "speed")
+
+
+def _metres(length: float, digits: int) -> str:
+    return f"{length:.{digits}f}" if length < 1e9 else f"{length:.3g}"
 
 
 def _shown(points: Points) -> str:

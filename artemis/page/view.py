@@ -108,6 +108,7 @@ class PageView:
             "wheelbase": geometry.wheelbase_m,
             "track": geometry.track_m,
             "scrub": geometry.scrub_radius_m,
+            "front_wheels": geometry.front_wheels,
             "wheel": max(turn),
             "driven": geometry.driven_axle,
             "limits": [limits.speed_m_s, limits.steering_deg],
@@ -214,7 +215,7 @@ class PageView:
         snapshot, position = tick.snapshot, tick.position
         located, drives, free = snapshot.pose, snapshot.sensed.drives, tick.set_points.clearance
         angles = {self._steering[d.name]: d.position for d in drives if d.name in self._steering and d.age is not None}
-        if (middle := angles.get("middle")) is not None:  # one motor: both are drawn as the virtual wheel
+        if (middle := angles.get("middle")) is not None:  # one motor: all are drawn as the virtual wheel
             angles = dict.fromkeys(("left", "right"), self._car.steering_from_left(middle))
         points = tick.set_points
         tracking = tick.wish.tracking

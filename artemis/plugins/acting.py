@@ -12,7 +12,7 @@ from msgspec import Struct, json
 
 from artemis.plugins.answers import NUMBER
 from artemis.plugins.contracts import Acting, Declared, State
-from artemis.plugins.guard import told
+from artemis.plugins.guard import one_line, told
 from artemis.progress import DONE, TAKEN_SIGNALS, SignalValue
 from artemis.values import Action, DriveCommand
 
@@ -81,8 +81,7 @@ def answered(answer: object, facts: Declared) -> Answered | str:
     signals = _plain_signals(answer.signals, facts)
     if isinstance(signals, str):
         return signals
-    phase = answer.phase.encode("utf-8", "backslashreplace").decode()[:200]
-    return Answered(command=command, outcome=str(outcome), state=state, phase=phase, signals=signals)
+    return Answered(command=command, outcome=str(outcome), state=state, phase=one_line(answer.phase), signals=signals)
 
 
 def state_text(state: object) -> str | None:

@@ -183,7 +183,7 @@ State = tuple[int | float | str, ...]
 """What a behaviour needs to resume: at most 1000 bytes as JSON; numbers are finite."""
 
 
-class Acting(Struct, frozen=True, kw_only=True):
+class Acting(Struct, frozen=True, kw_only=True, repr_omit_defaults=True):
     """A behaviour's answer to one snapshot."""
 
     command: DriveCommand | None = None

@@ -7,6 +7,8 @@ program. An answer goes on as plain values: numbers are floats, whatever the plu
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Set
+from os.path import basename
+from traceback import walk_tb
 from typing import ClassVar
 
 from msgspec.structs import replace
@@ -41,6 +43,8 @@ BAD_SAMPLES, BAD_TIME = 5, 1.0
 LOST, OUT_OF_RANGE, NOT_SHOWN = "INP-01", "INP-06", "INP-16"
 RAISED, LATE_INPUT, GARBAGE, LATE_FOLLOWER = "PLG-02", "PLG-03", "PLG-06", "PTH-09"
 IMPOSSIBLE, SLOW = "LOC-04", "LOC-06"
+LONGEST = 200
+"""Of a text of a plugin [characters]."""
 NETWORK = frozenset(f"NET-{number:02}" for number in range(1, 16))
 OF_LOCALIZER = frozenset(["LOC-07"])
 """What an input, and a localizer, may say of itself."""
@@ -48,8 +52,12 @@ OF_LOCALIZER = frozenset(["LOC-07"])
 LOCALIZER, FOLLOWER = "localizer", "follower"
 """Their names in faults."""
 
-PLUGIN_ERRORS = (Exception, SystemExit)
-"""What a plugin may raise and is only its own fault. Ctrl-C while it runs is somebody's wish."""
+MAKING_ERRORS = (Exception, SystemExit)
+"""What a plugin may raise when it is made and is only its own fault. Ctrl-C meanwhile is the operator's wish."""
+PLUGIN_ERRORS = (*MAKING_ERRORS, KeyboardInterrupt)
+"""The same while a run asks it: a signal raises nothing then (`Attendance`)."""
+
+_HERE = "artemis/plugins/guard.py"
 
 Problem = tuple[str, str, str]
 """Row of the fault table, plugin, what was seen."""
@@ -142,7 +150,7 @@ class PluginGuard:
         if not isinstance(problem, str):
             self._problems.append((GARBAGE, LOCALIZER, told(problem)))
         elif problem:
-            self._problems.append((SLOW, LOCALIZER, problem))
+            self._problems.append((SLOW, LOCALIZER, one_line(problem)))
 
     def show(self, tick: Tick) -> None:
         """Have every input show what the tick did, and the localizer see it; an input that fails is not asked again."""
@@ -165,7 +173,9 @@ class PluginGuard:
             if fails:
                 del self._showing[name]
             if fails or problem:
-                self._problems.append((NOT_SHOWN, name, problem if isinstance(problem, str) else told(problem)))
+                self._problems.append(
+                    (NOT_SHOWN, name, one_line(problem) if isinstance(problem, str) else told(problem))
+                )
 
     def take_problems(self) -> list[Problem]:
         """What plugins did wrong since the last call."""
@@ -208,7 +218,7 @@ class PluginGuard:
         try:
             sample = self.inputs[name].read(now)
         except DeviceLost as error:
-            self._problems.append((LOST, name, error.problem))
+            self._problems.append((LOST, name, one_line(error.problem)))
             return None
         except PLUGIN_ERRORS as error:
             self._problems.append((RAISED, name, told(error)))
@@ -218,8 +228,11 @@ class PluginGuard:
         self._judge_time(LATE_INPUT, name, self._clock() - begun)
         if name in self._telling:
             self._problems += _told_of_itself(self._telling[name], name, NETWORK)
-        if not is_whole_input(sample) or sample.source != name:
+        if not is_whole_input(sample):
             self._problems.append((GARBAGE, name, told(sample)))
+            return None
+        if sample.source != name:
+            self._problems.append((GARBAGE, name, f"source {told(sample.source):.70}: write context.name there"))
             return None
         if not is_in_range(sample):
             return self._instead_of(sample, name, now)
@@ -309,15 +322,32 @@ class _WatchedBehaviour:
 def _told_of_itself(device: TellsProblems, name: str, rows: Set[str]) -> list[Problem]:
     """What an input or a localizer says is wrong with it, by one of these rows."""
     try:
-        found = [(row, str(seen)) for row, seen in device.take_problems()]
+        found = [(row, one_line(str(seen))) for row, seen in device.take_problems()]
     except PLUGIN_ERRORS as error:
         return [(RAISED, name, told(error))]
     return [(row, name, seen) if row in rows else (GARBAGE, name, told(row)) for row, seen in found]
 
 
 def told(value: object) -> str:
-    """How a value or an error of foreign code looks, for people: short, whatever its own `repr` does."""
+    """How a value or an error of foreign code looks, for people: short, whatever its own `repr` does.
+
+    Of an error also where it was raised, and the line that called that.
+    """
     try:
-        return repr(value)[:200]
+        text = repr(value)[:LONGEST]
     except Exception:  # noqa: BLE001
-        return f"a {type(value).__name__} that cannot be shown"
+        text = f"a {type(value).__name__} that cannot be shown"
+    if not isinstance(value, BaseException):
+        return text
+    calls = [(frame.f_code.co_filename, line) for frame, line in walk_tb(value.__traceback__)][
+        1:
+    ]  # first: of the plugin
+    places = [f"{basename(file)}:{line}" for file, line in calls[-2:] if not file.endswith(_HERE)]
+    return f"{text} at {', called at '.join(reversed(places))}" if places else text
+
+
+def one_line(text: str) -> str:
+    """A text of foreign code: short, and without signs that move a terminal's cursor."""
+    if not text.isprintable():
+        text = "".join(sign if sign.isprintable() else sign.encode("unicode_escape").decode() for sign in text)
+    return text[:LONGEST]

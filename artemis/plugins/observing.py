@@ -13,7 +13,7 @@ from typing import Generic, TypeVar
 
 from artemis.devices.can_bus import Traffic
 from artemis.plugins.contracts import Observer
-from artemis.plugins.guard import GARBAGE, PLUGIN_ERRORS, RAISED, Problem, told
+from artemis.plugins.guard import GARBAGE, PLUGIN_ERRORS, RAISED, Problem, one_line, told
 from artemis.plugins.process import AskedPlugin
 from artemis.values import Tick
 
@@ -193,7 +193,7 @@ class Observation:
     def _pass_on(self, problem: object) -> None:
         match problem:
             case (str(id), self.name, str(words)):
-                self._complain(id, words)
+                self._complain(id, one_line(words))
             case _:
                 self._complain(GARBAGE, told(problem))
 

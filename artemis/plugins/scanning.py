@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from artemis.devices.device import Readings, Report, Work
 from artemis.errors import DeviceError, WrongDevice
 from artemis.plugins.contracts import Scanner
-from artemis.plugins.guard import GARBAGE, PLUGIN_ERRORS, RAISED, told
+from artemis.plugins.guard import GARBAGE, PLUGIN_ERRORS, RAISED, one_line, told
 from artemis.scan import Condition, Scan
 
 FIRST_PAUSE, LONGEST_PAUSE = 0.5, 8.0
@@ -50,7 +50,7 @@ class ScannerDevice:
                 return
             except DeviceError as error:
                 id = MISCONFIGURED if isinstance(error, WrongDevice) else LOST
-                self._report(id, self._name, error.problem)
+                self._report(id, self._name, one_line(error.problem))
             except PLUGIN_ERRORS as error:
                 self._report(RAISED, self._name, told(error))
                 return

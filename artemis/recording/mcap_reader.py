@@ -242,9 +242,9 @@ class Recording:
         """Words for ticks that the recorder had to drop, and for the damage of the file."""
         ticks = self._found
         time = (ticks.last_ns - self._start) / 1e9
-        place = f"tick {ticks.last} at {time:.2f} s" if ticks.number else "no tick"
+        place = f"its last readable tick is {ticks.last}, at {time:.2f} s" if ticks.number else "no tick can be read"
         parts = [f"{ticks.lost} ticks were not recorded, the first are {ticks.first_gap}"] if ticks.lost else []
-        parts += [f"{damage}; the last whole one is {place}"] if damage else []
+        parts += [f"{damage}; {place}"] if damage else []
         return "; ".join(parts) or None
 
 

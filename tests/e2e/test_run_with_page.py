@@ -123,3 +123,4 @@ def test_what_cannot_be_is_refused(
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
     done = artemis_here(*arguments)
     assert (done.returncode, words in done.stderr) == (2, True), done.stderr
+    assert "Value error" not in done.stderr

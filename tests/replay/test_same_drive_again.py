@@ -156,7 +156,7 @@ def test_what_cannot_be_driven_again_is_refused_before_anything_moves(tmp_path: 
     [
         (
             lambda raw: raw[: len(raw) // 2],
-            "the recording is not whole: the file is cut off; the last whole one is tick",
+            "the recording is not whole: the file is cut off; its last readable tick is",
         ),
         (lambda raw: raw[: len(raw) // 2] + b"?" + raw[len(raw) // 2 + 1 :], "the file is damaged"),
         (lambda raw: raw[:200], "nothing of a run can be read"),

@@ -150,6 +150,7 @@ def test_an_infinite_command_is_left_to_the_gate() -> None:
 
 def test_a_phase_can_be_written_and_is_short() -> None:
     assert plain(Acting(phase="a\ud800" + "b" * 300)).phase == r"a\ud800" + "b" * 193
+    assert plain(Acting(phase="\x1b[31mred\nü")).phase == r"\x1b[31mred\nü"
 
 
 @pytest.mark.parametrize("state", [(), (1, -2.5, "x"), (0.1, 1e300, 2**53, "ü", "")])

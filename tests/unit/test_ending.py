@@ -33,6 +33,13 @@ def test_all_that_stopped_the_robot_is_told_once_and_in_order() -> None:
     )
 
 
+def test_faults_that_came_together_are_told_once_though_others_came_with_them_later() -> None:
+    right = catalogue.fault("DRV-25", "steer-right")
+    first = Mode.QUICKSTOP, Cause(event=Event.STOP, faults=(STEERING,)), None
+    more = Mode.FAULT, Cause(event=Event.FAULT, faults=(STEERING, right, LOST)), None
+    assert told(first, more) == f"DRV-25 {STEERING.text}, then DRV-25 {right.text}, COM-34 {LOST.text}"
+
+
 def test_what_was_recovered_from_ended_nothing() -> None:
     fault = Mode.FAULT, Cause(event=Event.FAULT, faults=(STEERING,)), None
     again = Mode.INIT, Cause(event=Event.ACKNOWLEDGED), None

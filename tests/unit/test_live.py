@@ -10,6 +10,7 @@ import pytest
 from msgspec.structs import replace
 
 from artemis.commands.live import LiveView, status
+from artemis.commands.terminal import lose_output
 from artemis.plugins.observing import QUEUE_TICKS, Observation
 from artemis.values import (
     Fault,
@@ -106,6 +107,18 @@ def test_the_cause_comes_before_its_effect_and_each_fault_once(capsys: pytest.Ca
     ]
 
 
+def test_a_request_that_an_input_repeats_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    asked = [(Request.DONE,), (Request.DONE,), (Request.DONE, Request.QUICKSTOP), (), (Request.DONE,)]
+    lines = said(
+        capsys, *(tick(float(number), Mode.TELEOP, requests=requests) for number, requests in enumerate(asked))
+    )
+    assert [line.split() for line in lines if "request" in line] == [
+        ["0.00", "s", "request", "done"],
+        ["2.00", "s", "request", "quick", "stop"],
+        ["4.00", "s", "request", "done"],
+    ]
+
+
 def test_a_fault_that_came_once_too_often_says_that_this_run_is_over(capsys: pytest.CaptureFixture[str]) -> None:
     lines = said(capsys, tick(1.0, faults=(replace(OVERHEATED, final=True),)))
     assert lines[3] == "                 next  not in this run: fix the cause, then continue with --resume"
@@ -167,7 +180,8 @@ def test_output_that_nobody_reads_never_holds_up_a_tick(monkeypatch: pytest.Monk
             patience=None,
         )
         for number in range(5000):
-            view.see(tick(float(number), requests=(Request.QUICKSTOP,)), (), float(number))
+            request = Request.QUICKSTOP if number % 2 else Request.ACKNOWLEDGE
+            view.see(tick(float(number), requests=(request,)), (), float(number))
         assert lost == []
         os.close(source)
         for number in range(3):
@@ -176,3 +190,13 @@ def test_output_that_nobody_reads_never_holds_up_a_tick(monkeypatch: pytest.Monk
     assert lost == ["lost"]
     assert view.dropped >= 5000 - 64 * 1024 // LINE - QUEUE_TICKS
     assert [id for id, _, _ in view.take_problems()].count("PLG-03") == 2  # when it began, and how many at the end
+
+
+def test_a_closed_standard_output_is_lost_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    with (tmp_path / "out").open("w") as file:
+        os.close(file.fileno())
+        monkeypatch.setattr(sys, "stdout", file)
+        lose_output()
+        file.write("goes nowhere")
+        file.flush()
+    assert not (tmp_path / "out").read_bytes()

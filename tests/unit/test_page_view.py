@@ -82,7 +82,9 @@ def test_one_motor_turns_both_wheels_that_are_drawn(faulty: Recorded, robot: str
     steering = DriveFeedback(name=name, position=0.2, age=0.0)
     sensed = replace(tick.snapshot.sensed, drives=(steering,))
     turned = replace(tick, snapshot=replace(tick.snapshot, sensed=sensed))
-    left, right = PageView(described, {}, {}).state(turned)["wheels"]
+    view = PageView(described, {}, {})
+    assert view.about()["front_wheels"] == described.geometry.front_wheels
+    left, right = view.state(turned)["wheels"]
     assert left == right == pytest.approx(Ackermann(described.geometry).steering_from_left(0.2))
 
 

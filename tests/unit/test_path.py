@@ -95,6 +95,8 @@ def test_every_problem_is_reported_with_its_place() -> None:
         ("x,why\n0,0\n1,0\n", "p.csv:1:3: unknown column 'why'; nearest is 'y'"),
         ("x,x\n0,0\n1,0\n", "p.csv:1:3: second column for x"),
         ("x y\n0 0\n1.1 0\n", "p.csv:3:1: 1.10 m from the point before; expected at most 1 m"),
+        ("0,0\n1e300,0\n2,0\n2.5,0\n3,0\n3.5,0\n", "p.csv:2:1: 1e+300 m from the point before"),
+        ("0,0\n1e300,0\n2,0\n", "p.csv:1:1: path of 2e+300 m; expected at most 20000 m"),
         (
             "0,0\n3,0\n3,3\n",
             "expected at most 1 m: waypoints are joined by `artemis path import`, or by straight lines in the mission: "

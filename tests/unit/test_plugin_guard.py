@@ -18,7 +18,7 @@ from artemis.errors import DeviceLost
 from artemis.motion.path import Path
 from artemis.plugins.answers import is_in_range, is_whole_input, plain_following
 from artemis.plugins.contracts import Acting, Following, State
-from artemis.plugins.guard import PluginGuard
+from artemis.plugins.guard import PluginGuard, Problem
 from artemis.supervision import catalogue
 from artemis.values import (
     Action,
@@ -66,6 +66,11 @@ class Desk:
         return answer
 
 
+def without_places(problems: list[Problem]) -> list[Problem]:
+    """Without the line at which an error was raised."""
+    return [(id, name, seen.partition(" at test_")[0]) for id, name, seen in problems]
+
+
 # ---------------------------------------------------------------------------------------------- inputs
 
 
@@ -83,7 +88,7 @@ def test_input_that_raises_is_a_problem_with_its_error_and_the_others_are_read()
     other = replace(GOOD, source="other")
     desk = Desk(stick=broken, other=lambda now: other)
     assert desk.read() == (other,)
-    assert desk.guard.take_problems() == [("PLG-02", "stick", "OSError('unplugged')")]
+    assert without_places(desk.guard.take_problems()) == [("PLG-02", "stick", "OSError('unplugged')")]
     assert desk.problems() == [], "each is told once"
 
 
@@ -138,7 +143,7 @@ def test_sample_in_the_name_of_another_input_is_garbage() -> None:
     desk = Desk(wheel=lambda now: replace(GOOD, speed=0.7), stick=lambda now: replace(GOOD, enabled=False))
     (sample,) = desk.read()
     assert (sample.source, sample.enabled) == ("stick", False)
-    assert desk.problems() == [("PLG-06", "wheel")]
+    assert desk.guard.take_problems() == [("PLG-06", "wheel", "source 'stick': write context.name there")]
 
 
 def test_device_that_is_gone_is_lost_and_asked_again() -> None:
@@ -151,6 +156,12 @@ def test_device_that_is_gone_is_lost_and_asked_again() -> None:
     assert desk.read(0.0) == ()
     assert desk.guard.take_problems() == [("INP-01", "stick", "unplugged")]
     assert desk.read(1.0) == (GOOD,)
+
+
+def test_garbage_is_shown_without_what_is_as_usual() -> None:
+    desk = Desk(stick=lambda now: OperatorInput(source="stick", speed="fast", age=0.0))  # type: ignore[arg-type]
+    desk.read()
+    assert desk.guard.take_problems() == [("PLG-06", "stick", "OperatorInput(source='stick', speed='fast', age=0.0)")]
 
 
 # ---------------------------------------------------------------------------------------------- out of range
@@ -374,7 +385,7 @@ def test_tells_what_a_plugin_raises_and_returns_however_hard_it_is_to_show() -> 
     (_, _, shy), (_, _, shout) = desk.guard.take_problems()
     assert shy == "a Shy that cannot be shown"
     assert shout.startswith("loud loud")
-    assert len(shout) == 200
+    assert len(shout.partition(" at ")[0]) == 200
 
 
 @pytest.mark.parametrize("error", [SystemExit(0), SystemExit("enough")], ids=repr)
@@ -384,15 +395,43 @@ def test_plugin_that_wants_to_end_the_program_has_raised_an_error(error: SystemE
 
     desk = Desk(stick=leave)
     assert desk.read() == ()
-    assert desk.guard.take_problems() == [("PLG-02", "stick", repr(error))]
+    assert without_places(desk.guard.take_problems()) == [("PLG-02", "stick", repr(error))]
 
 
-def test_interruption_by_the_keyboard_is_no_business_of_a_plugin() -> None:
+def test_plugin_that_raises_what_ctrl_c_raises_has_raised_an_error() -> None:
     def interrupted(now: float) -> OperatorInput:
         raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt):
-        Desk(stick=interrupted).read()
+    desk = Desk(stick=interrupted)
+    assert desk.read() == ()
+    ((id, name, seen),) = desk.guard.take_problems()
+    assert (id, name) == ("PLG-02", "stick")
+    assert seen.startswith("KeyboardInterrupt()")
+
+
+def test_error_says_where_it_was_raised_and_called() -> None:
+    class Stick(StubInput):
+        def read(self, now: float) -> OperatorInput:
+            return self.button("wheel")
+
+        def button(self, name: str) -> OperatorInput:
+            return replace(GOOD, source=str(["stick"].index(name)))
+
+    first = Stick.read.__code__.co_firstlineno
+    guard = PluginGuard({"stick": Stick(lambda now: GOOD)}, lambda: 0.0)
+    guard.read(0.0)
+    ((_, _, seen),) = guard.take_problems()
+    place = f"test_plugin_guard.py:{first + 4}, called at test_plugin_guard.py:{first + 1}"
+    assert seen == f"ValueError(\"'wheel' is not in list\") at {place}"
+
+
+def test_texts_of_a_plugin_move_no_cursor_and_are_short() -> None:
+    def gone(now: float) -> OperatorInput:
+        raise DeviceLost("stick", "off\n\x1b[2J\ud800" + 300 * "é")
+
+    desk = Desk(stick=gone)
+    desk.read()
+    assert desk.guard.take_problems() == [("INP-01", "stick", ("off\\n\\x1b[2J\\ud800" + 300 * "é")[:200])]
 
 
 def test_every_device_is_given_back_whatever_the_others_do() -> None:
@@ -409,7 +448,7 @@ def test_every_device_is_given_back_whatever_the_others_do() -> None:
                 raise self.error
 
     inputs = {"a": Clinging(OSError("held")), "b": Clinging(SystemExit(0)), "c": Clinging()}
-    assert PluginGuard(inputs, lambda: 0.0).close() == [
+    assert without_places(PluginGuard(inputs, lambda: 0.0).close()) == [
         ("PLG-02", "a", "OSError('held')"),
         ("PLG-02", "b", "SystemExit(0)"),
     ]
@@ -620,7 +659,7 @@ def test_an_input_that_fails_to_show_is_a_warning_once() -> None:
         raise SystemExit
 
     for answer, words in ((raising, "RuntimeError('motor')"), (ending, "SystemExit()"), (lambda tick: 7, "7")):
-        assert shown(Desk(), answer, 3) == [("INP-16", "stick", words)]
+        assert without_places(shown(Desk(), answer, 3)) == [("INP-16", "stick", words)]
     assert shown(Desk(), lambda tick: None, 3) == [("INP-16", "stick", "None")]
     assert catalogue.fault("INP-16", "stick", "motor").severity is Severity.WARN
 
@@ -701,7 +740,7 @@ def test_an_initial_pose_is_handed_to_the_localizer_and_what_that_says_is_a_faul
         guard.read(0.02 * number)
     assert localizer.told == [INITIAL, replace(INITIAL, pose=Pose(x=-1.0))]
     guard.fixes(0.06)
-    assert guard.take_problems() == [
+    assert without_places(guard.take_problems()) == [
         ("PLG-02", "localizer", "ValueError('not there')"),
         ("LOC-07", "localizer", "a scan fits 12% at best there"),
         ("PLG-06", "localizer", "'NET-01'"),

@@ -245,7 +245,7 @@ def test_a_cut_recording_is_read_as_far_as_it_is_whole(small: Path) -> None:
         if recording.missing is None:  # only the index behind the data is lost
             assert len(ticks) == 30
         elif ticks:
-            assert f"cut off; the last whole one is tick {len(ticks) - 1} at" in recording.missing
+            assert f"cut off; its last readable tick is {len(ticks) - 1}, at" in recording.missing
         seen.add(len(ticks))
     assert {0, 30} < seen
 
@@ -260,7 +260,7 @@ def test_a_recording_that_nobody_closed_is_read(tmp_path: Path) -> None:
     recording = Recording(tmp_path / "killed.mcap")
     assert recording.outcome == ""
     assert recording.wall_duration is None
-    assert recording.missing == "the file is cut off; the last whole one is tick 81 at 1.62 s"
+    assert recording.missing == "the file is cut off; its last readable tick is 81, at 1.62 s"
 
 
 def test_a_flipped_bit_ends_what_is_whole(small: Path) -> None:

@@ -223,4 +223,4 @@ def test_a_damaged_recording_is_reported(
     out = capsys.readouterr().out
 
     (line,) = [line for line in out.splitlines() if "the recording is not whole" in line]
-    assert line.startswith(f"{tmp_path}: the recording is not whole: the file is cut off; the last whole one is tick ")
+    assert line.startswith(f"{tmp_path}: the recording is not whole: the file is cut off; its last readable tick is ")

@@ -71,7 +71,7 @@ function make(wanted) {
     const plot = new uPlot({
       width: Math.max(box.clientWidth - 24, 240), height: 150,
       cursor: {sync: {key: 'run'}, drag: {x: true, y: false}},
-      scales: {x: {time: false}},
+      scales: {x: {time: false}, y: {range: (chart, low, high) => low === high ? [low - 1, high + 1] : uPlot.rangeNum(low, high, 0.1, true)}},
       legend: {live: true},
       hooks: {setSelect: [chart => { if (chart.select.width > 4) zoomed = true; }]},
       axes: [{...axis, values: (chart, ticks) => ticks.map(tick => `${tick} s`)}, {...axis, size: 52}],

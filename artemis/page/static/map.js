@@ -292,7 +292,7 @@ function drawScan(pixel) {
 
 export function redraw() { dirty = true; }
 export function drawRobot(pixel, about, state, colours) {
-  const {outline: [front, rear, half], wheelbase, track, scrub, wheel} = about, {pose: [x, y, heading], std, wheels} = state;
+  const {outline: [front, rear, half], wheelbase, track, scrub, front_wheels, wheel} = about, {pose: [x, y, heading], std, wheels} = state;
   pen.save();
   pen.translate(x, y);
   if (std) {
@@ -323,8 +323,9 @@ export function drawRobot(pixel, about, state, colours) {
   };
   for (const [side, angle] of [[1, wheels[0]], [-1, wheels[1]]]) {
     tyre(0, side * track / 2, 0);
-    tyre(wheelbase - side * scrub * Math.sin(angle), side * (track / 2 - scrub + scrub * Math.cos(angle)), angle);
+    if (front_wheels === 2) tyre(wheelbase - side * scrub * Math.sin(angle), side * (track / 2 - scrub + scrub * Math.cos(angle)), angle);
   }
+  if (front_wheels === 1) tyre(wheelbase, 0, wheels[0]);
   pen.fillStyle = colours['body-line'];
   pen.beginPath();
   pen.moveTo(front - 0.03, 0); pen.lineTo(front - 0.16, 0.07); pen.lineTo(front - 0.16, -0.07);
