@@ -246,8 +246,7 @@ class Observer(Protocol):
 
         Args:
             tick: its values.
-            traffic: every frame since the last one in the order on the bus, each with "sent by us"; those have no time
-                (0.0), and were sent before `now`.
+            traffic: frames since the last one in the order on the bus, each with "sent by us"; those have the time 0.0.
             now: the time of the tick [s] by the clock of the frames; run time is `tick.snapshot.time`.
         """
 

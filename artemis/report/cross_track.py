@@ -129,7 +129,7 @@ class GivenErrors:
     """How far poses are from the points of a path as they were given, before smoothing and rounding."""
 
     def __init__(self) -> None:
-        self.errors = Errors()
+        self._errors = Errors()
         self._line: Array | None = None
         self._poses: list[tuple[float, float]] = []
 
@@ -141,11 +141,12 @@ class GivenErrors:
         if pose is not None and line is not None:
             self._poses.append((pose.x, pose.y))
 
-    def finish(self) -> None:
-        """Count the last ones."""
+    def finish(self) -> Errors:
+        """Count the last ones; those of all."""
         if self._line is not None and self._poses:
-            self.errors.add(distances(np.array(self._poses), self._line))
+            self._errors.add(distances(np.array(self._poses), self._line))
         self._poses.clear()
+        return self._errors
 
 
 class TruePlaces:

@@ -123,8 +123,7 @@ class Series:
     error_end: float | None
     """Distance of the last estimated from the last true position [m]."""
     odometry_error_max: float | None
-    """Greatest distance of the position by odometry alone, as `odometry` has it, from the true one [m], over all ticks;
-    None also without a localizer."""
+    """Greatest distance of the position by `odometry` alone from the true one [m]; None also without a localizer."""
     modes: tuple[Interval, ...]
     steps: tuple[Interval, ...]
     """Of the modes those that do what the mission wants."""
@@ -222,9 +221,8 @@ class _Reader:
         """The next tick."""
         snapshot, points = tick.snapshot, tick.set_points
         sensed, odometry, time = snapshot.sensed, snapshot.odometry, snapshot.sensed.time
-        located = snapshot.pose
+        located, estimated = snapshot.pose, snapshot.pose.pose
         moment, true = self._true_poses.of(tick)
-        estimated = located.pose
         by_wheels = odometry.pose if located.frame == "odom" else self._laid(odometry.pose, estimated, true)
         tracking = tick.wish.tracking if tick.mode is Mode.FOLLOW else None
         if tracking is not None and not isfinite(tracking.arc_length):
@@ -291,8 +289,6 @@ class _Reader:
         for number, name in enumerate(reversed(_OF_BATTERY), 1):
             columns[name] = table[:, -number] if self._recording.robot.battery else unknown
         modes = self._modes.intervals(self._time)
-        self._given.finish()
-        self._true_given.finish()
         bus_time, bus_load = self.bus.shares(self._recording.robot.bitrate)
         return Series(
             time=columns["time"],
@@ -327,8 +323,8 @@ class _Reader:
             ticks=self._ticks,
             error=self._error,
             true_error=self._true_error,
-            given_error=self._given.errors,
-            true_given_error=self._true_given.errors,
+            given_error=self._given.finish(),
+            true_given_error=self._true_given.finish(),
             error_end=self._error_end,
             odometry_error_max=self._odometry_error_max,
             modes=modes,
