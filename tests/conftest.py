@@ -65,7 +65,7 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     """`--left` and `--late` import only files with tests for them, as far as known from the run before."""
     if collection_path.is_dir():
         return None
-    name = str(collection_path.relative_to(config.rootpath))
+    name = os.path.relpath(collection_path, config.rootpath)
     if config.getoption("late"):
         return True if name not in _files(_kept(config, LATE)) else None
     whole = _whole(config).get(name) == collection_path.stat().st_mtime_ns
@@ -112,14 +112,14 @@ def _is_for_ci(item: pytest.Item) -> bool:
 def _note_whole(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Keep which of the files of these tests have none that only `make test-ci` runs; one worker does."""
     cache = _cache(config)
-    if cache is None or os.environ.get("PYTEST_XDIST_WORKER", "gw0") != "gw0":
+    if cache is None or getattr(config, "workerinput", {"workerid": "gw0"})["workerid"] != "gw0":
         return
     paths = {item.path for item in items}
     left = {item.path for item in items if _is_for_ci(item)}
-    known = {str(path.relative_to(config.rootpath)): path.stat().st_mtime_ns for path in paths}
+    known = {os.path.relpath(path, config.rootpath): path.stat().st_mtime_ns for path in paths}
     whole = {name: time for name, time in _whole(config).items() if name not in known}
     for path in paths - left:
-        name = str(path.relative_to(config.rootpath))
+        name = os.path.relpath(path, config.rootpath)
         whole[name] = known[name]
     cache.set(WHOLE, whole)
 

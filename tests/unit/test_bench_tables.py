@@ -124,7 +124,7 @@ def test_a_follower_that_raises_is_a_row(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(followers, "follower", lambda *_: Broken())
     row = run(task())
     assert row.figures is None
-    assert row.problem == "raised: SystemExit('no licence')"
+    assert row.problem.startswith("raised: SystemExit('no licence') at ")
 
 
 def test_one_that_is_not_there_is_a_row() -> None:
