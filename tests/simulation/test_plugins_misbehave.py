@@ -250,7 +250,9 @@ def test_an_input_that_ends_the_program_when_it_is_closed_changes_nothing(tmp_pa
     assert (seen.status, seen.faults[0].id) == (1, "PLG-06")
     assert seen.outcome is not None
     warnings = [entry.text for entry in read_journal(seen.outcome.run.journal).entries if entry.kind == "warning"]
-    assert warnings == ["PLG-02 stick: SystemExit(0), when it was closed"]
+    (warning,) = warnings
+    assert warning.startswith("PLG-02 stick: SystemExit(0) at test_plugins_misbehave.py:")
+    assert warning.endswith(", when it was closed")
 
 
 @pytest.mark.slow
