@@ -152,12 +152,18 @@ def _identity(drive: Drive) -> Iterator[tuple[KeyPath, str]]:
     if family.vendor == MAXON and family.generation is not None:
         if version > 0xFFFF:
             yield ("hardware_version",), f"expected at most 65535, found {version}"
-        elif (other := GENERATIONS.get(version >> 4 & 0xF, family)).generation != family.generation:
+        elif (other := _generation(version) or family).generation != family.generation:
             text = f"0x{version:04X} is a hardware version of the family {other.name}"
             yield ("hardware_version",), f"{text} ({other.title}), this drive is {family.name}"
+        elif _generation(version) is None and _generation(int(str(version), 16)) is not None:
+            yield ("hardware_version",), f"{version} is 0x{version:04X}, of no drive that is known: write 0x{version}"
     if drive.oldest_firmware < family.oldest_firmware:
         text = f"expected at least 0x{family.oldest_firmware:04X}, found 0x{drive.oldest_firmware:04X}"
         yield ("min_firmware",), f"{text}: older ones do not watch our heartbeat"
+
+
+def _generation(version: int) -> Family | None:
+    return GENERATIONS.get(version >> 4 & 0xF)
 
 
 def _motor(drive: Drive) -> Iterator[tuple[KeyPath, str]]:

@@ -114,7 +114,7 @@ def _words(interface: str, channel: str, options: list[str]) -> dict[str, object
     for option in options:
         name, equals, value = option.partition("=")
         if not equals:
-            raise ConfigError(f"--option {option}: write a word of the back end and its value, as hop_limit=0")
+            raise ConfigError(f"--option {option}: write an option of the interface and its value, as hop_limit=0")
         if name in words:
             raise ConfigError(f"--option {option}: {name} is given already")
         words[name] = _value(f"--option {name}", value)

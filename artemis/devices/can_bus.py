@@ -332,7 +332,7 @@ def check_bus_words(words: Mapping[str, Any]) -> list[str]:
         return []
     known, needed = _words_of(backend)
     problems = [
-        f"{word}: not a word of the {interface} interface{_nearest(word, known)} (it knows {', '.join(sorted(known))})"
+        f"{word}: no option of the {interface} interface{_nearest(word, known)} (it knows {', '.join(sorted(known))})"
         for word in words
         if word not in known and word not in ("interface", "bitrate")
     ]

@@ -54,7 +54,7 @@ Bus = Annotated[
     Discriminator(
         _kind_of_bus,
         custom_error_type="bus",
-        custom_error_message="simulation, python-can's words such as {interface: socketcan, channel: can0}, "
+        custom_error_message="simulation, python-can's options such as {interface: socketcan, channel: can0}, "
         "or a serial line such as {serial: /dev/ttyUSB0, baud: 115200}",
     ),
 ]

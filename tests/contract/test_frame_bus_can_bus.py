@@ -382,7 +382,7 @@ def test_misspelt_word_is_refused_before_anything_opens() -> None:
     async def main() -> None:
         with pytest.raises(ConfigError) as caught:
             CanBus({"interface": "virtual", "channel": "x", "recieve_own_messages": True})
-        assert "recieve_own_messages: not a word of the virtual interface" in str(caught.value)
+        assert "recieve_own_messages: no option of the virtual interface" in str(caught.value)
         assert "did you mean 'receive_own_messages'?" in str(caught.value)
 
     in_real_time(main())

@@ -302,7 +302,7 @@ def test_usage_errors_exit_with_2() -> None:
 @pytest.mark.parametrize(
     ("option", "words"),
     [
-        ("hop_limit", "write a word of the back end and its value"),
+        ("hop_limit", "write an option of the interface and its value"),
         ("hop_limt=0", "did you mean 'hop_limit'?"),
         ("hop_limit=010", "octal or decimal"),
         ("hop_limit=[0]", "one value"),

@@ -180,7 +180,7 @@ def test_nothing_is_driven_over_a_serial_line(mission: Path) -> None:
         ),
         ("{serial: ''}", "bus.serial"),
         ("{port: /dev/ttyUSB0}", "bus"),
-        ("{serial: /dev/ttyUSB0, interface: socketcan}", "bus: expected simulation, python-can's words"),
+        ("{serial: /dev/ttyUSB0, interface: socketcan}", "bus: expected simulation, python-can's options"),
     ],
 )
 def test_wrong_words_are_named(mission: Path, words: str, problem: str) -> None:
