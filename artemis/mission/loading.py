@@ -146,6 +146,7 @@ class _Loading(SurroundingsChecks):
             self._check_obstacles((), self._part(Obstacles, "obstacles"), robot)
         self._check_scanners(robot)
         self._check_loads(robot)
+        self._check_supply(robot)
         if "mapping" in self._data:
             self._check_mapping(robot)
         scenery, grid = self._scenery()

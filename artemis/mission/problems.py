@@ -21,6 +21,12 @@ UNKNOWN_KEY = "unknown key"
 NO_ELSE = f"{UNKNOWN_KEY}; write {LAST_BRANCH}"
 _MAX_NAMED = 12
 
+_REPLACED = {
+    "discharge_v_per_h": "the battery is discharged by what the robot takes; to see that, drive longer, or describe a "
+    "small battery in the robot file: robots/artemis_small_battery.yaml",
+    "charge_v_per_h": "a charger gives a current: write current_a",
+}
+"""Keys of earlier versions, with what to write instead."""
 _EXPECTED = {
     "string_type": "text",
     "int_type": "a whole number",
@@ -140,6 +146,8 @@ def _words(detail: ErrorDetails, model: type[BaseModel], path: KeyPath, beside: 
             return f"{UNKNOWN_KEY}; did you mean catch? ({why})"
         if path[-1] == "else" and "choose" in path:
             return NO_ELSE
+        if path[-1] in _REPLACED:
+            return f"{UNKNOWN_KEY}; {_REPLACED[path[-1]]}"
         return f"{UNKNOWN_KEY}{nearest(str(path[-1]), known, 'known keys')}"
     if kind == "value_error":
         return f"{context['error']}" + (f", found {describe(found)}" if isinstance(found, str) else "")

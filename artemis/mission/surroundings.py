@@ -10,6 +10,7 @@ from artemis.errors import ConfigError
 from artemis.mission.problems import nearest
 from artemis.mission.step_checks import StepChecks
 from artemis.plugins.stated import field_of
+from artemis.states.outcomes import NO_BATTERY
 from artemis.yaml_file import KeyPath, read
 
 if TYPE_CHECKING:
@@ -82,6 +83,13 @@ class SurroundingsChecks(StepChecks):
                 elif drive.known_gains is None:
                     text = f"only for drives with `{gains_key(drive)}` in the robot file: {name} has none"
                     self._complain((*at, role), text)
+
+    def _check_supply(self, robot: RobotFile | None) -> None:
+        """What is true of a battery that the robot file describes."""
+        at = "simulation", "true_robot", "supply"
+        for key in self._names(*at):
+            if key in ("charger", "capacity_scale", "idle_w") and robot is not None and robot.battery is None:
+                self._complain((*at, key), NO_BATTERY)
 
     def _check_mapping(self, robot: RobotFile | None) -> None:
         """The scanner that makes a map, and the name of its file."""

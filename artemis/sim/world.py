@@ -35,6 +35,8 @@ DISCHARGE = 5e-3
 """Time constant with which an emergency stop empties the drives' capacitors [s]; an assumption."""
 GRAVITY = 9.81
 """[m/s²]."""
+SLOWLY = 0.05
+"""A robot that is slower [m/s] keeps contact with a charger."""
 TRAIL = 64
 """Past poses that are kept: one a millisecond at most."""
 
@@ -47,19 +49,20 @@ Resistance = Annotated[float, Quantity(1e-4, 1000.0, "ohms")]
 
 
 Voltage = Annotated[float, Quantity(1.0, 100.0, "V")]
-VoltagePerHour = Annotated[float, Field(ge=0, le=100_000)]
 Watts = Annotated[float, Quantity(0.0, 2000.0, "W")]  # of its own: compiled, the other one is no type in a union
 
 
 class Charger(Config):
-    """Charges the batteries of a robot that is near."""
+    """Charges the batteries of a robot that stands near: at constant current, then at constant voltage."""
 
     x_m: float
     y_m: float
     """Place of the rear axle's centre there, in the world's frame."""
     within_m: Annotated[float, Quantity(0.01, 10.0, "m")] = 0.3
-    charge_v_per_h: VoltagePerHour = 2.0
+    current_a: Annotated[float, Quantity(0.01, 1000.0, "A")] = 5.0
+    """Into the batteries, beside what the robot takes meanwhile."""
     up_to_v: Voltage = 27.0
+    """At the robot: there the current falls."""
 
 
 class Supply(Config):
@@ -67,8 +70,6 @@ class Supply(Config):
 
     battery_v: Voltage = 25.0
     """Without load, when the run begins."""
-    discharge_v_per_h: VoltagePerHour = 0.0
-    """How fast that sinks. Of a real battery 0.5 or so; much more shows in minutes what takes hours."""
     charger: Charger | None = None
     source_resistance_ohm: Resistance = 0.1
     back_feed_resistance_ohm: Resistance = 0.5
@@ -339,17 +340,18 @@ class World:
         if self._linkage is None:
             self._steering_right.feel(self._dice, noise, self.time, counts)
 
-    def _charge(self, supply: Supply, dt: float) -> None:
-        """The batteries' voltage after `dt`: it rises near the charger, and sinks elsewhere."""
-        charger, vehicle = supply.charger, self._vehicle
-        if charger and math.hypot(vehicle.x - charger.x_m, vehicle.y - charger.y_m) <= charger.within_m:
-            risen = self.battery_v + charger.charge_v_per_h * dt / 3600.0
-            self.battery_v = max(self.battery_v, min(risen, charger.up_to_v))
-        else:
-            self.battery_v = max(1.0, self.battery_v - supply.discharge_v_per_h * dt / 3600.0)
+    def _charged(self, charger: Charger | None, taken: float) -> float:
+        """Current of the charger [A], while the robot takes so much [A]."""
+        vehicle = self._vehicle
+        if charger is None or abs(vehicle.distance) > SLOWLY * self._last_step:
+            return 0.0
+        if math.hypot(vehicle.x - charger.x_m, vehicle.y - charger.y_m) > charger.within_m:
+            return 0.0
+        most = (charger.up_to_v - self.battery_v) / self._true.supply.source_resistance_ohm
+        return max(0.0, taken + min(charger.current_a, most))
 
     def _drain(self, battery: Battery, coulombs: float) -> None:
-        """The batteries' voltage after something was taken of them [As]."""
+        """The batteries' voltage without load after something was taken of them [As]: by its curve."""
         capacity = HOUR * battery.capacity_ah * self._true.supply.capacity_scale
         _, slope = battery.voltage_at(battery.charge_at(self.battery_v))
         self.battery_v = max(1.0, self.battery_v - slope * coulombs / capacity)
@@ -357,8 +359,6 @@ class World:
     def _feed(self, dt: float) -> None:
         """Supply voltage after `dt` at the present load: a source behind a resistance, loading a capacitor."""
         supply = self._true.supply
-        if self.battery_v and (supply.discharge_v_per_h or supply.charger):
-            self._charge(supply, dt)
         power = 0.0
         for axis in self._axes:
             # mA * rpm * V / rpm: torque times speed, the motor constant being nominal voltage per no-load speed
@@ -367,10 +367,11 @@ class World:
         power += self._idle
         if self.battery_v:
             current = power / max(self._supply_voltage, 1.0)
+            charged = self._charged(supply.charger, current)
             if self._battery is not None:
-                self._drain(self._battery, current * dt)
+                self._drain(self._battery, (current - charged) * dt)
             resistance = supply.source_resistance_ohm if current >= 0.0 else supply.back_feed_resistance_ohm
-            settled = self.battery_v - current * resistance
+            settled = self.battery_v - current * resistance + charged * supply.source_resistance_ohm
             share = 1.0 - math.exp(-dt / (resistance * supply.capacitance_f))
             self._supply_voltage += (settled - self._supply_voltage) * share
         else:

@@ -151,9 +151,9 @@ def test_mission_tells_what_it_decides(ran: Ran, name: str) -> None:
 def test_patrol_charges_at_the_place_where_its_lap_begins(ran: Ran) -> None:
     seen = ran("patrol.yaml")
     waiting = [each for each in seen.seen if each.phase == "waiting"]
-    volts = [each.tick.snapshot.sensed.battery_v or 0.0 for each in waiting]
-    assert volts == sorted(volts)
-    assert volts[0] < 23.5 < 25.0 < volts[-1]
+    states = [each.tick.snapshot.battery for each in waiting]
+    charges = [state.charge for state in states if state is not None]
+    assert charges[0] < 0.3 < 0.4 < charges[-1]
     assert math.hypot(waiting[0].pose.x, waiting[0].pose.y) < 0.05
     assert seen.recompute().difference is None
 

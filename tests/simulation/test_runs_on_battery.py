@@ -131,6 +131,37 @@ def test_signals_of_a_battery_need_one_that_is_described_and_measured(tmp_path: 
         load_mission(mission)
 
 
+@pytest.mark.parametrize(
+    ("supply", "problem"),
+    [
+        (
+            {"discharge_v_per_h": 500},
+            "discharge_v_per_h: unknown key; the battery is discharged by what the robot takes",
+        ),
+        (
+            {"charger": {"x_m": 0, "y_m": 0, "charge_v_per_h": 2}},
+            "charge_v_per_h: unknown key; a charger gives a current",
+        ),
+    ],
+)
+def test_keys_of_an_earlier_battery_are_refused_with_what_to_write(
+    tmp_path: Path, supply: dict[str, Any], problem: str
+) -> None:
+    simulation = {"true_robot": {"supply": supply}}
+    mission = write_mission(tmp_path, [CALIBRATE], robot="artemis_battery.yaml", simulation=simulation)
+    with pytest.raises(ConfigError, match=problem):
+        load_mission(mission)
+
+
+def test_what_is_true_of_a_battery_needs_one_that_is_described(tmp_path: Path) -> None:
+    supply = {"battery_v": 25.0, "capacity_scale": 0.9, "idle_w": 9.0, "charger": {"x_m": 0, "y_m": 0}}
+    mission = write_mission(tmp_path, [CALIBRATE], simulation={"true_robot": {"supply": supply}})
+    with pytest.raises(ConfigError) as refused:
+        load_mission(mission)
+    told = [problem.partition("supply.")[2] for problem in refused.value.problems]
+    assert told == [f"{key}: the robot file describes no `battery`" for key in ("capacity_scale", "idle_w", "charger")]
+
+
 def on_epos4(mission: Path) -> Path:
     """The mission with four EPOS4, which measure their supply, and the battery of the other robot."""
     robot, battery = mission.with_name("artemis.yaml"), MISSIONS / "robots/artemis_battery.yaml"

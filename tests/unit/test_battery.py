@@ -144,6 +144,7 @@ def test_a_charger_teaches_nothing_but_the_charge(seed: int, rate: float, second
     amperes = rate * plant.known.capacity_ah + plant.idle / 25.0
     for _ in range(seconds):
         charged = estimate.update(*plant.stand(amperes if plant.charge < 0.95 else plant.idle / 25.0), 1.0)
+        assert abs(charged.charge - plant.charge) < 2.0 * charged.charge_std
     assert charged.watts == pytest.approx(plant.idle, rel=0.25)
     whole = before.range_m / (before.charge - 0.1)
     assert charged.range_m / (charged.charge - 0.1) == pytest.approx(whole, rel=0.05)
@@ -178,6 +179,31 @@ def test_the_range_is_right_within_a_tenth_where_driving_and_standing_take_turns
         left = (charge - 0.1) * (plant.metres - metres) / (taken - before)
         assert state.range_m == pytest.approx(left, rel=0.1)
         assert abs(state.range_m - left) < 2.0 * state.range_std_m
+
+
+@pytest.mark.parametrize("curve_v", [-0.1, 0.0, 0.1])
+@pytest.mark.parametrize("rate", [0.05, 0.3, 0.5])
+def test_the_charge_at_a_charger_is_as_certain_as_it_says(rate: float, curve_v: float) -> None:
+    """The run begins there: at constant current, then at the voltage of the full battery. Then it stands and drives.
+
+    All that three times; the curve of the robot file is wrong by one standard deviation.
+    """
+    plant = Plant(Random(5), charge=0.6)
+    estimate = ChargeEstimate(plant.known, ROBOT)
+
+    def update(volts: float, drives: tuple[DriveFeedback, ...], driven: float) -> None:
+        state = estimate.update(volts + curve_v, drives, driven, 1.0)
+        assert abs(state.charge - plant.charge) < 2.0 * state.charge_std
+
+    for _ in range(3):
+        for _ in range(1200):
+            rest, _ = plant.known.voltage_at(plant.charge)
+            most = max((25.6 - rest) / plant.resistance, 0.0)
+            update(*plant.stand(plant.idle / 25.0 + min(rate * plant.known.capacity_ah, most)))
+        for _ in range(300):
+            update(*plant.stand())
+        for _ in range(300):
+            update(*plant.second())
 
 
 def test_without_load_the_charge_is_that_of_the_voltage_and_time_is_left_by_what_is_taken() -> None:

@@ -49,8 +49,8 @@ def test_any_is_not_for_a_fault_that_the_try_does_not_name() -> None:
 
 
 def test_walk_that_is_not_over_tells_where_it_is() -> None:
-    made = walk(MISSIONS / "patrol.yaml", "done", {"battery_v": 23.0}, "done")
-    assert (made.at, made.ended) == ("wait for battery_v > 25.0", "")
+    made = walk(MISSIONS / "patrol.yaml", "done", {"charge_percent": 25.0}, "done")
+    assert (made.at, made.ended) == ("wait for charge_percent > 40", "")
     assert made.said == ["battery low, to the charger"]
     assert walk(MISSIONS / "patrol.yaml").at == "calibrate steering"
 
@@ -59,8 +59,8 @@ def test_signal_lasts_until_it_changes_and_a_press_for_one_tick() -> None:
     endurance = MISSIONS / "endurance.yaml"
     assert walk(endurance, "done", {"stick.done": True}).said == ["enough"]
     assert walk(endurance, "done", "done", 3600).said == ["an hour is over"]
-    patrol = walk(MISSIONS / "patrol.yaml", "done", {"battery_v": 23.0}, {"run_s": 30.0}, "done")
-    assert patrol.at == "wait for battery_v > 25.0", "still low: nothing fires anew"
+    patrol = walk(MISSIONS / "patrol.yaml", "done", {"charge_percent": 25.0}, {"run_s": 30.0}, "done")
+    assert patrol.at == "wait for charge_percent > 40", "still low: nothing fires anew"
 
 
 def test_answers_timeouts_and_seconds(mission: Path) -> None:

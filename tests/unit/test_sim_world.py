@@ -3,6 +3,7 @@ from __future__ import annotations
 import asyncio
 import math
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -290,22 +291,47 @@ def test_drive_is_found_by_its_name(robot: RobotFile) -> None:
     assert World(robot).drive("steer-left").node_id == robot.drives["steer-left"].node_id
 
 
-def test_battery_sinks_with_time_and_is_charged_near_the_charger(robot: RobotFile) -> None:
-    charger = {"x_m": 1.0, "y_m": 2.0, "within_m": 0.3, "charge_v_per_h": 720.0, "up_to_v": 25.5}
-    supply = {"battery_v": 25.0, "discharge_v_per_h": 360.0, "charger": charger}
-    away = World(robot, straight(supply=supply))
-    away.advance(5.0)
-    assert away.battery_v == pytest.approx(24.5)
-    away.advance(1000.0)
-    assert away.battery_v == 1.0, "flat, not switched off"
-    there = World(robot, straight(supply=supply, x_m=1.2, y_m=2.1))
-    there.advance(1.0)
-    assert there.battery_v == pytest.approx(25.2)
-    there.advance(10.0)
-    assert there.battery_v == 25.5
+def with_battery(**changes: Any) -> RobotFile:  # noqa: ANN401 (as a file writes them)
+    data = yaml.safe_load(ROBOT_FILE.with_name("artemis_battery.yaml").read_text())
+    data["battery"] |= changes
+    return RobotFile.model_validate(data)
+
+
+def after(world: World, seconds: float) -> World:
+    """The world after so long, in steps of 10 ms."""
+    begin = world.time
+    for step in range(1, round(100 * seconds) + 1):
+        world.advance(begin + step / 100)
+    return world
+
+
+def test_battery_is_discharged_along_its_curve_by_the_energy_that_is_taken() -> None:
+    robot = with_battery(capacity_ah=0.1, curve_v=[[0, 20.0], [50, 24.0], [100, 25.0]], idle_w=36.0)
+    battery = robot.battery
+    assert battery is not None
+    world = World(robot, straight(supply={"battery_v": 25.0}))
+    volts = [after(world, 60.0).battery_v for _ in range(3)]
+    charges = [battery.charge_at(each) for each in volts]
+    taken = [before - now for before, now in zip([1.0, *charges], charges, strict=False)]
+    assert taken == pytest.approx([36.0 / each * 60.0 / 360.0 for each in (24.6, 24.1, 22.9)], rel=0.02)
+    assert after(World(robot, straight(supply={"battery_v": 25.0, "capacity_scale": 10.0})), 60.0).battery_v > 24.9
+    assert after(World(robot, straight(supply={"battery_v": 25.0, "idle_w": 0.0})), 60.0).battery_v == 25.0
+    assert after(world, 300.0).battery_v == 1.0, "flat, not switched off"
+
+
+def test_charger_gives_a_constant_current_and_then_keeps_its_voltage() -> None:
+    robot = with_battery(capacity_ah=0.1, curve_v=[[0, 20.0], [100, 25.0]], idle_w=50.0)
+    charger = {"x_m": 1.0, "y_m": 2.0, "within_m": 0.3, "current_a": 4.0, "up_to_v": 24.8}
+    supply = {"battery_v": 23.0, "charger": charger, "source_resistance_ohm": 0.2}
+    there = after(World(robot, straight(supply=supply, x_m=1.2, y_m=2.1)), 10.0)
+    assert there.battery_v == pytest.approx(23.0 + 5.0 * 4.0 * 10.0 / 360.0, abs=0.01)
+    assert there.supply_voltage == pytest.approx(there.battery_v + 0.2 * 4.0, abs=0.01)
+    full = after(there, 120.0)
+    assert (full.battery_v, full.supply_voltage) == pytest.approx((24.8, 24.8), abs=0.01)
     there.battery_v = 0.0
-    there.advance(11.0)
-    assert there.battery_v == 0.0, "an open switch stays open"
+    assert after(there, 1.0).battery_v == 0.0, "an open switch stays open"
+    away = after(World(robot, straight(supply=supply, x_m=1.4)), 10.0)
+    assert away.battery_v < 23.0
 
 
 def test_battery_without_either_stays_as_it_is(robot: RobotFile) -> None:
