@@ -20,6 +20,17 @@ class Config(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
 
+class OpenConfig(Config):
+    """The same, but unknown keys belong to something else, which checks them."""
+
+    model_config = ConfigDict(extra="allow")
+
+    @property
+    def options(self) -> dict[str, object]:
+        """The keys of the other."""
+        return dict(self.model_extra or {})
+
+
 class Inconsistent(ValueError):
     """Parts of a mapping that do not fit together.
 

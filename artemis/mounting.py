@@ -5,9 +5,9 @@ from __future__ import annotations
 from math import radians
 from typing import Annotated, Self
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-from artemis.config import Config, Quantity
+from artemis.config import Config, OpenConfig, Quantity
 
 Reach = Annotated[float, Quantity(0.0, 10.0, "m")]
 Offset = Annotated[float, Quantity(0.0, 10.0, "m", signed=True)]
@@ -29,14 +29,13 @@ class Outline(Config):
     """From the middle to either side."""
 
 
-class Mounting(Config):
+class Mounting(OpenConfig):
     """One laser scanner: where it sits, and what it sees of the robot itself. Every other key is its plugin's.
 
     Its frame has x ahead of the scanner, and angles count counter-clockwise from there, seen from above; also of one
     that hangs upside down.
     """
 
-    model_config = ConfigDict(extra="allow")
     plugin: str
     """Of the group `artemis.scanners`."""
     x_m: Offset
@@ -52,11 +51,6 @@ class Mounting(Config):
     """Nearer than this it sees nothing (LMS100: 0.5)."""
     mask: Annotated[tuple[Sector, ...], Field(strict=False)] = ()
     """Sectors [from, to] in which the scanner sees the robot itself, in its frame [degrees], from right to left."""
-
-    @property
-    def options(self) -> dict[str, object]:
-        """The plugin's own keys."""
-        return dict(self.model_extra or {})
 
     @property
     def heading(self) -> float:

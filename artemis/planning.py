@@ -12,8 +12,7 @@ from msgspec.structs import replace
 from artemis.axles import ByHand
 from artemis.config import Config
 from artemis.errors import ConfigError, PluginError
-from artemis.mission.actions import Calibrate, Follow, MeasureSteering, PluginUse, Recorded
-from artemis.mission.by_hand import Teleop
+from artemis.mission.actions import Calibrate, Follow, MeasureSteering, PluginUse, Recorded, Teleop
 from artemis.mission.gains import merged
 from artemis.mission.goto import MOST_OFF, Goto, goto_rules
 from artemis.mission.loading import LoadedMission, plugin_from

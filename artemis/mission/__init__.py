@@ -1,7 +1,6 @@
 """The mission file: its schema, and loading it with everything it names, checked before anything moves."""
 
-from artemis.mission.actions import Calibrate, Follow, PluginUse, Stop, Wait
-from artemis.mission.by_hand import Teleop, Until
+from artemis.mission.actions import Calibrate, Follow, PluginUse, Stop, Teleop, Until, Wait
 from artemis.mission.json_schema import mission_schema, robot_schema
 from artemis.mission.loading import LoadedMission, load_mission, plugin_from
 from artemis.mission.schema import Mission, Operation

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from artemis import drive_schema
-from artemis.config import Config
+from artemis.config import Config, OpenConfig
 from artemis.mission.keys import Name, Positive, check_one_key
 from artemis.mission.obstacles import Obstacles
-from artemis.mission.waypoints import Waypoints
+from artemis.motion.path_points import MIN_STEP
 
 
 def _not_empty(parts: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -30,16 +32,10 @@ Angle = Annotated[float, Field(ge=-45, le=45)]
 """[degrees]."""
 
 
-class PluginUse(Config):
+class PluginUse(OpenConfig):
     """A plugin by its name; every other key belongs to the plugin."""
 
-    model_config = ConfigDict(extra="allow")
     plugin: str
-
-    @property
-    def options(self) -> dict[str, object]:
-        """The plugin's own keys."""
-        return dict(self.model_extra or {})
 
 
 class FollowerUse(PluginUse):
@@ -163,6 +159,24 @@ class Calibrate(Config):
         return self
 
 
+Waypoint = Annotated[list[Annotated[float, Field(ge=-20_000, le=20_000)]], Field(min_length=2, max_length=2)]
+"""x, y [m]."""
+
+
+def _apart(waypoints: list[Waypoint]) -> list[Waypoint]:
+    for number, (before, after) in enumerate(pairwise(waypoints), start=2):
+        if math.dist(before, after) < MIN_STEP:
+            raise ValueError(f"waypoint {number} is at the place of the one before; remove it")
+    return waypoints
+
+
+class Waypoints(Config):
+    """A path of straight lines; a corner becomes the nearest curve that the robot can drive."""
+
+    waypoints: Annotated[list[Waypoint], Field(min_length=2, max_length=1000), AfterValidator(_apart)]
+    """Each [x, y] in metres, from where the robot stands when the run is armed."""
+
+
 class Recorded(Config):
     """A path that an earlier step of the same mission recorded."""
 
@@ -265,6 +279,50 @@ class Ask(Config):
     def _different(self) -> Self:
         if len(set(self.answers)) < len(self.answers):
             raise ValueError("two answers are the same")
+        return self
+
+
+class Until(Config):
+    """When driving by hand is over: either key."""
+
+    button: Literal["done"] | None = None
+    """The button `done` of the input."""
+    seconds: Positive | None = None
+    """So long."""
+
+    @model_validator(mode="after")
+    def _one_key(self) -> Self:
+        check_one_key(self, "until")
+        return self
+
+
+class Teleop(Config):
+    """Drive by hand with one of the mission's inputs, or with several by priority."""
+
+    input: str | None = None
+    """One of the mission's `inputs`."""
+    inputs: Annotated[tuple[str, ...], Field(strict=False, min_length=2)] | None = None
+    """The first that is active has the robot; another one takes over once that was released, and its own controls
+    were."""
+    until: Until
+    """When it is over."""
+    record: Name | None = None
+    """Record the path that is driven under this name: all of it, or what lies between two presses of the record
+    button. It is kept in the run's folder, and a later step may follow it."""
+    obstacles: Obstacles | None = None
+    """In this step; if left out, as in the mission."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Its inputs, the one of the highest priority first."""
+        return self.inputs or (self.input or "",)
+
+    @model_validator(mode="after")
+    def _input_or_inputs(self) -> Self:
+        if (self.input is None) == (self.inputs is None):
+            raise ValueError("expected input: NAME, or inputs: [FIRST, SECOND], the highest priority first")
+        if len(set(self.names)) < len(self.names):
+            raise ValueError(f"inputs: one of them twice: {', '.join(self.names)}")
         return self
 
 

@@ -8,7 +8,18 @@ from typing import Any
 
 from artemis.errors import ConfigError
 from artemis.progress import MEASURED, OF_BATTERY, OWN_STEPS
-from artemis.states.condition import ROUND, Condition, SignalKind, comparisons, names_asked, parse
+from artemis.states.condition import (
+    ROUND,
+    Compare,
+    Condition,
+    Either,
+    Has,
+    Not,
+    SignalKind,
+    comparisons,
+    names_asked,
+    parse,
+)
 from artemis.states.outcomes import NO_BATTERY, NOT_MEASURED, StepFacts
 from artemis.states.outline import Path, keys_of, parts_of, steps_in
 
@@ -16,7 +27,23 @@ UNTIL = "until"
 """The key of a behaviour that artemis reads as a condition."""
 LONGEST = 1000
 """Characters."""
+GROWING = ("run_s", "driven_m")
+"""Signals that never sink."""
+_BELOW, _ABOVE = ("<", "<=", "=="), (">", ">=", "!=")
 _NUMBER, _TRUTH = SignalKind(kind=float), SignalKind(kind=bool)
+
+
+def lapses(condition: Condition, at_last: bool = False) -> bool:
+    """Whether it is `at_last` for ever, once the signals that only grow have grown enough, whatever the others are."""
+    match condition:
+        case Compare(signal, relation):
+            return signal in GROWING and relation in (_ABOVE if at_last else _BELOW)
+        case Has():
+            return False
+        case Not(of):
+            return lapses(of, not at_last)
+    parts = [lapses(part, at_last) for part in condition.of]
+    return any(parts) if isinstance(condition, Either) is at_last else all(parts)
 
 
 def declared_signals(steps: Any, inputs: Iterable[str], facts: StepFacts) -> dict[str, SignalKind]:  # noqa: ANN401

@@ -42,7 +42,9 @@ class GotoChecks(MissionReading):
             )
         if robot is not None and robot.outline is None:
             self._complain(at, f"routes are planned for the robot's outline: write it in {self._robot_source}")
-        self._check_follower(at, goto)
+        if "speed_m_s" in goto.follower.options:
+            self._complain((*at, "follower", "speed_m_s"), "is a key of the step itself: goto: {speed_m_s: ...}")
+        self._used("artemis.followers", goto.follower.plugin, (*at, "follower"), goto.follower_options)
         self._check_asked((*at, "to", "from_input"), goto.asks, inputs)
         found = self._floor((*at, "map"), goto.map)
         pose = None if goto.asks else found and self._goal(at, goto, found[1])
@@ -72,20 +74,6 @@ class GotoChecks(MissionReading):
         elif name and (config := inputs[name]) is not None and GOAL_POSE not in allowed(config):
             where = f"add `allow: [{GOAL_POSE}]` to it" if isinstance(config, AllowsRequests) else "its plugin has none"
             self._complain(at, f"{name} gives no goals: {where}")
-
-    def _check_follower(self, at: KeyPath, goto: Goto) -> None:
-        """The keys of the follower's plugin; its speed is the step's."""
-        from artemis.plugins.registry import load
-
-        if "speed_m_s" in goto.follower.options:
-            self._complain((*at, "follower", "speed_m_s"), "is a key of the step itself: goto: {speed_m_s: ...}")
-        try:
-            plugin = load("artemis.followers", goto.follower.plugin)
-        except ConfigError as error:
-            for problem in error.problems:
-                self._complain((*at, "follower", "plugin"), problem)
-        else:
-            self._options(plugin, (*at, "follower"), goto.follower_options)
 
     def _goal(self, at: KeyPath, goto: Goto, zones: MapZones) -> Pose | None:
         """Where it leads, in the frame of the map."""

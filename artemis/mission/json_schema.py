@@ -14,7 +14,7 @@ from pydantic.errors import PydanticInvalidForJsonSchema
 from artemis import axles, drive_schema, mounting, vehicle
 from artemis.config import Config
 from artemis.errors import PluginError
-from artemis.mission import actions, by_hand, goto, obstacles, schema, waypoints, words
+from artemis.mission import actions, goto, obstacles, schema, words
 from artemis.mission.conditions import UNTIL
 from artemis.mission.injector import installed_injector
 from artemis.mission.schema import Mission
@@ -26,7 +26,7 @@ _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 def mission_schema() -> dict[str, object]:
     """JSON schema of a mission file, for editors."""
-    found: dict[str, Any] = _schema(Mission, actions, by_hand, goto, obstacles, words, schema, waypoints, zones)
+    found: dict[str, Any] = _schema(Mission, actions, goto, obstacles, words, schema, zones)
     if (injector := installed_injector()) is not None:
         found["$defs"]["InjectedFault"]["properties"]["inject"]["enum"] = list(injector.ids())
     step = found["$defs"]["Step"]

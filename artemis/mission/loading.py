@@ -186,16 +186,10 @@ class _Loading(SurroundingsChecks):
     # ------------------------------------------------------------------------------------------ the mission's parts
 
     def _robot(self) -> RobotFile | None:
-        name = self._data.get("robot")
-        raw = self._file(("robot",), name, read) if isinstance(name, str) and name else None
-        if raw is None:
+        document = self._yaml_file(("robot",), self._data.get("robot"))
+        if document is None:
             return None
-        self._robot_source = str(self._folder / str(name))
-        try:
-            document = self._survey(raw, self._robot_source)
-        except ConfigError as error:
-            self._problems += error.problems
-            return None
+        self._robot_source = document.source
         return self._validated(RobotFile, document)
 
     def _check_record(self, name: Data) -> None:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from artemis.errors import ConfigError
-from artemis.mission.actions import Follow
-from artemis.mission.waypoints import Waypoints
+from artemis.mission.actions import Follow, Waypoints
 from artemis.motion.fitting import route_for
 from artemis.motion.joining import straight
 from artemis.motion.route import Route, noise_words, route_from_csv

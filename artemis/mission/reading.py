@@ -118,38 +118,47 @@ class MissionReading:
             self._complain(path, f"{reason}: {name}{hint}")
         return self._files.get(name)
 
+    def _yaml_file(self, path: KeyPath, name: Data) -> Document | None:
+        """The YAML file that the mission names at `path`; None: it names none, or it cannot be read."""
+        raw = self._file(path, name, read) if isinstance(name, str) and name else None
+        if raw is None:
+            return None
+        try:
+            return self._survey(raw, str(self._folder / str(name)))
+        except ConfigError as error:
+            self._problems += error.problems
+            return None
+
     def _parts_in_files(self) -> dict[str, Document]:
         """Parts that stand in files of their own, by their names in the mission."""
         found: dict[str, Document] = {}
         parts = self._document.data.get("parts") if isinstance(self._document.data, dict) else None
         for name, part in parts.items() if isinstance(parts, dict) else ():
             file = part.get("file") if isinstance(part, dict) and len(part) == 1 else None
-            raw = self._file(("parts", name, "file"), file, read) if isinstance(file, str) and file else None
-            if raw is None:
+            document = self._yaml_file(("parts", name, "file"), file)
+            if document is None:
                 continue
-            try:
-                found[name] = self._survey(raw, str(self._folder / str(file)))
-            except ConfigError as error:
-                self._problems += error.problems
-                continue
-            if isinstance(inner := found[name].data, dict) and "file" in inner:
-                self._problems.append(found[name].problem(("file",), "a part's file has its steps itself"))
+            found[name] = document
+            if isinstance(document.data, dict) and "file" in document.data:
+                self._problems.append(document.problem(("file",), "a part's file has its steps itself"))
         return found
 
     def _plugin(self, group: str, *path: str | int) -> Config | None:
         """Options of the plugin that the mission uses at `path`, with the files they name."""
         use = self._part(FollowerUse if group == "artemis.followers" else PluginUse, *path)
-        if use is None:
-            return None
+        return None if use is None else self._used(group, use.plugin, path, use.options)
+
+    def _used(self, group: str, name: str, path: KeyPath, options: Mapping[str, object]) -> Config | None:
+        """The same of a plugin by its name."""
         from artemis.plugins.registry import load
 
         try:
-            plugin = load(group, use.plugin)
+            plugin = load(group, name)
         except ConfigError as error:
             for problem in error.problems:
                 self._complain((*path, "plugin"), problem)
             return None
-        config = self._options(plugin, path, use.options)
+        config = self._options(plugin, path, options)
         if config is not None:
             self._plugins[path] = plugin, config
         return config
@@ -166,12 +175,10 @@ class MissionReading:
 
     def _map(self, path: KeyPath, name: str) -> None:
         """The YAML file of a map, and the image that it names; whoever reads the map says what is wrong in it."""
-        if (raw := self._file(path, name, read)) is None:
-            return
-        try:
-            document = self._survey(raw, str(self._folder / name))
-        except ConfigError as error:
-            self._problems += error.problems
-            return
-        if isinstance(document.data, dict) and isinstance(image := document.data.get("image"), str):
+        document = self._yaml_file(path, name)
+        if (
+            document is not None
+            and isinstance(document.data, dict)
+            and isinstance(image := document.data.get("image"), str)
+        ):
             self._file(path, str(PurePosixPath(name).parent / image))

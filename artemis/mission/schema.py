@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
-from artemis.config import Config, Quantity
+from artemis.config import Config, OpenConfig, Quantity
 from artemis.mission.actions import A_LIST, FileName, PluginUse
 from artemis.mission.keys import Name
 from artemis.mission.obstacles import Obstacles
@@ -14,16 +14,15 @@ from artemis.mission.words import MissionPart, Step
 from artemis.supervision.catalogue import ROWS
 
 
-class BusWords(Config):
+class BusWords(OpenConfig):
     """A real CAN bus in python-can's own words; words beside `interface` are the interface's."""
 
-    model_config = ConfigDict(extra="allow")
     interface: str
 
     @property
     def words(self) -> dict[str, object]:
         """All words, `interface` among them."""
-        return {"interface": self.interface, **(self.model_extra or {})}
+        return {"interface": self.interface, **self.options}
 
 
 class SerialWords(Config):
@@ -110,21 +109,15 @@ class Operation(Config):
         return self
 
 
-class InjectedFault(Config):
+class InjectedFault(OpenConfig):
     """Something that goes wrong in a simulated run; every other key is a parameter of the fault."""
 
-    model_config = ConfigDict(extra="allow")
     at_s: Annotated[float, Field(ge=0)]
     """Run time."""
     inject: str
     """Row of the fault table."""
     node: str | None = None
     """The drive to which it happens, by its name in the robot file."""
-
-    @property
-    def options(self) -> dict[str, object]:
-        """The fault's own keys."""
-        return dict(self.model_extra or {})
 
 
 class Simulation(Config):

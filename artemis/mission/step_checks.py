@@ -9,8 +9,7 @@ from typing import Any
 
 from artemis.axles import ByHand
 from artemis.errors import ConfigError
-from artemis.mission.actions import Calibrate, Follow, MeasureSteering, Recorded
-from artemis.mission.by_hand import Teleop
+from artemis.mission.actions import Calibrate, Follow, MeasureSteering, Recorded, Teleop
 from artemis.mission.goto import Goto
 from artemis.mission.goto_checks import GotoChecks
 from artemis.mission.obstacles import Obstacles, check_obstacles, ignored

@@ -11,7 +11,7 @@ from artemis.mission.problems import nearest
 from artemis.mission.step_checks import StepChecks
 from artemis.plugins.stated import field_of
 from artemis.states.outcomes import NO_BATTERY
-from artemis.yaml_file import KeyPath, read
+from artemis.yaml_file import KeyPath
 
 if TYPE_CHECKING:
     from artemis.sim.grid import MapGrid
@@ -138,13 +138,8 @@ class SurroundingsChecks(StepChecks):
         from artemis.sim.grid import MapGrid
 
         at: KeyPath = (*_WORLD, "map_file")
-        raw = self._file(at, name, read)
-        if raw is None:
-            return None
-        try:
-            document = self._survey(raw, str(self._folder / name))
-        except ConfigError as error:
-            self._problems += error.problems
+        document = self._yaml_file(at, name)
+        if document is None:
             return None
         keys = MapKeys(document)
         self._problems += keys.problems

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from artemis.mission.conditions import conditions_in, declared_signals
-from artemis.mission.lapsing import lapses
+from artemis.mission.conditions import conditions_in, declared_signals, lapses
 from artemis.mission.order import TIME, UNREAD, Order
 from artemis.mission.problems import LAST_BRANCH, closest, nearest
 from artemis.progress import DONE, OWN_STEPS

@@ -18,10 +18,10 @@ from artemis.mission.actions import (
     FileName,
     Follow,
     Stop,
+    Teleop,
     Text,
     Wait,
 )
-from artemis.mission.by_hand import Teleop
 from artemis.mission.goto import Goto
 from artemis.mission.keys import Positive, check_one_key
 from artemis.mission.problems import NO_ELSE, describe, nearest

@@ -16,7 +16,7 @@ from artemis.families.family import HOME_INPUT
 from artemis.motion.ackermann import Ackermann
 from artemis.motion.potentiometers import encoder_angle
 from artemis.states.alignment import align, do, enable, steer, switch_off
-from artemis.states.mode import OFF, ON, PATIENCE, STEERING_ON, Failed, Routine
+from artemis.states.mode import OFF, ON, PATIENCE, STEERING_ON, Failed, Routine, feedback
 from artemis.states.plan import Shared
 from artemis.supervision import catalogue
 from artemis.values import DriveCommand, DriveFeedback, Fault, JobKind, Request, Snapshot, Wish
@@ -93,7 +93,7 @@ def _shown(shared: Shared, snapshot: Snapshot) -> list[float]:
         side = robot.drives[name].side
         source = robot.angle_source(side)
         assert isinstance(source, AbsoluteEncoder)  # checked when the file was read: all sides have the same
-        angle = encoder_angle(_drive(snapshot, name).angle_sensor, source)
+        angle = encoder_angle(feedback(snapshot, name).angle_sensor, source)
         right, left = (each[side == "right"] for each in ends)
         if not right - BEYOND <= angle <= left + BEYOND:
             seen = f"its absolute encoder shows {degrees(angle):.0f} degrees, farther than the wheel turns"
@@ -110,10 +110,10 @@ def _from_stop(shared: Shared, source: HardStop, snapshot: Snapshot) -> Routine:
     for _ in range(ROUNDS):
         found, snapshot = yield from _search(shared, towards, is_held, "looking for the hard stop", snapshot)
         if found:
-            held = _drive(snapshot, name).position
+            held = feedback(snapshot, name).position
             wish = replace(OFF, command=DriveCommand(steering=snapshot.set_points.steering))
             snapshot = yield from switch_off(shared, wish, snapshot)
-            sprung = _drive(snapshot, name).position - held
+            sprung = feedback(snapshot, name).position - held
             return (yield from _take(shared, [radians(source.stop_deg) + sprung], snapshot))
     raise Failed(STEERING_ON, _not_found(shared, name, "no hard stop"))
 
@@ -123,12 +123,12 @@ def _from_switch(shared: Shared, source: HomeSwitch, snapshot: Snapshot) -> Rout
     (name,) = shared.plan.drives("steering")
     phase, place = "looking for the home switch", radians(source.switch_deg)
     on_side = 1.0 if source.on_side == "left" else -1.0
-    was_on = _is_on(_drive(snapshot, name))
+    was_on = _is_on(feedback(snapshot, name))
     towards = -on_side if was_on else on_side
     is_held = _Held(name, towards)
 
     def is_over(now: Snapshot) -> bool:
-        return is_held(now) or _is_on(_drive(now, name)) is not was_on
+        return is_held(now) or _is_on(feedback(now, name)) is not was_on
 
     found = False
     for _ in range(ROUNDS):
@@ -136,7 +136,7 @@ def _from_switch(shared: Shared, source: HomeSwitch, snapshot: Snapshot) -> Rout
             found, snapshot = yield from _search(shared, towards, is_over, phase, snapshot)
     if not found:
         raise Failed(STEERING_ON, _not_found(shared, name, "no change of the home switch"))
-    if _is_on(_drive(snapshot, name)) is was_on:
+    if _is_on(feedback(snapshot, name)) is was_on:
         raise Failed(STEERING_ON, catalogue.fault("CAL-03", name, "held before its home switch changes"))
     wish = replace(OFF, command=DriveCommand(steering=snapshot.set_points.steering))
     snapshot = yield from switch_off(shared, wish, snapshot)
@@ -144,14 +144,14 @@ def _from_switch(shared: Shared, source: HomeSwitch, snapshot: Snapshot) -> Rout
     begin, end = place - on_side * BACK, place + on_side * BACK
     virtual = Ackermann(shared.plan.robot.geometry).steering_from_left(begin)
     snapshot = yield from steer(shared.plan, virtual, snapshot, {}, phase)
-    before = _drive(snapshot, name)
+    before = feedback(snapshot, name)
     if _is_on(before):
         raise Failed(STEERING_ON, catalogue.fault("CAL-03", name, "its home switch is on to both sides of its place"))
     positions = [before.position]
 
     def is_on(now: Snapshot) -> bool:
-        positions.append(_drive(now, name).position)
-        return _is_on(_drive(now, name))
+        positions.append(feedback(now, name).position)
+        return _is_on(feedback(now, name))
 
     found, snapshot = yield from _turn(shared, begin, end, CREEP, is_on, phase, snapshot)
     if not found:
@@ -161,7 +161,7 @@ def _from_switch(shared: Shared, source: HomeSwitch, snapshot: Snapshot) -> Rout
     edge = (positions[-2] + positions[-1]) / 2.0
     wish = replace(OFF, command=DriveCommand(steering=snapshot.set_points.steering))
     snapshot = yield from switch_off(shared, wish, snapshot)
-    return (yield from _take(shared, [place + _drive(snapshot, name).position - edge], snapshot))
+    return (yield from _take(shared, [place + feedback(snapshot, name).position - edge], snapshot))
 
 
 def _search(shared: Shared, towards: float, ends: Callable[[Snapshot], bool], phase: str, snapshot: Snapshot) -> Turned:
@@ -210,7 +210,7 @@ class _Held:
 
     def __call__(self, snapshot: Snapshot) -> bool:
         """By the next snapshot."""
-        drive = _drive(snapshot, self._name)
+        drive = feedback(snapshot, self._name)
         if drive.frames:
             turned = self._towards * (drive.position - self._position)
             behind = self._towards * (snapshot.set_points.steering_left - drive.position)
@@ -221,7 +221,3 @@ class _Held:
 
 def _is_on(drive: DriveFeedback) -> bool:
     return bool(drive.angle_sensor & HOME_INPUT)
-
-
-def _drive(snapshot: Snapshot, name: str) -> DriveFeedback:
-    return next(drive for drive in snapshot.sensed.drives if drive.name == name)

@@ -15,6 +15,7 @@ from artemis.values import (
     RESETS,
     Action,
     DriveCommand,
+    DriveFeedback,
     Event,
     Fault,
     Job,
@@ -207,9 +208,14 @@ def _ramp_time(plan: Plan, snapshot: Snapshot) -> float:
     return max(STANDING_TIME, fastest / plan.robot.limits.quick_stop_deceleration_m_s2)
 
 
+def feedback(snapshot: Snapshot, name: str) -> DriveFeedback:
+    """What one drive reports."""
+    return next(drive for drive in snapshot.sensed.drives if drive.name == name)
+
+
 def _is_unresponsive(snapshot: Snapshot, name: str, passed: float) -> bool:
     """Whether a drive takes no process data, `passed` [s] after the stop began."""
-    drive = next(drive for drive in snapshot.sensed.drives if drive.name == name)
+    drive = feedback(snapshot, name)
     if drive.nmt is not Nmt.OPERATIONAL or drive.age is None or drive.age > UNRESPONSIVE:
         return True
     return drive.state is DriveState.OPERATION_ENABLE and passed >= UNRESPONSIVE

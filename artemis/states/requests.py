@@ -7,21 +7,18 @@ from collections.abc import Mapping
 from artemis.states.homing import STRAIGHT
 from artemis.states.mode import hands_on
 from artemis.states.quickstop import waits_for
-from artemis.states.steering import KEEP, START, TURN_IT
+from artemis.states.steering import JOGS, KEEP, START, TURN_IT
 from artemis.values import JobKind, Mode, Request, Tick
 
 _EARLY = {"listening", JobKind.SECURE.value, JobKind.CONFIGURE.value, "first contact", "proving the watchdog"}
 """Phases of the bring-up before it asks for an arm."""
 _BY_HAND = {STRAIGHT, JobKind.REFERENCE.value}
 """Phases of the bring-up in which a person accepts that the wheels stand straight, and the one after it."""
+_DRIVING = Mode.TELEOP, "no step by hand is running"
+_MEASURING = Mode.CALIBRATE, "no wheel is being measured"
 _ONLY_IN: Mapping[Request, tuple[Mode, str]] = {
-    Request.DONE: (Mode.TELEOP, "no step by hand is running"),
-    Request.RECORD: (Mode.TELEOP, "no step by hand is running"),
-    Request.ACCEPT: (Mode.CALIBRATE, "no wheel is being measured"),
-    Request.LEFT_DEGREE: (Mode.CALIBRATE, "no wheel is being measured"),
-    Request.RIGHT_DEGREE: (Mode.CALIBRATE, "no wheel is being measured"),
-    Request.LEFT_TENTH: (Mode.CALIBRATE, "no wheel is being measured"),
-    Request.RIGHT_TENTH: (Mode.CALIBRATE, "no wheel is being measured"),
+    **dict.fromkeys((Request.DONE, Request.RECORD), _DRIVING),
+    **dict.fromkeys((Request.ACCEPT, *JOGS), _MEASURING),
 }
 
 

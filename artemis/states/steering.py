@@ -15,10 +15,10 @@ from artemis.motion.steering_fit import Line, Pass, SteeringFit, fitted, lines_t
 from artemis.motion.totals import mean, total
 from artemis.states.alignment import READINGS, do, enable, steer
 from artemis.states.keeping import keep
-from artemis.states.mode import OFF, PATIENCE, STEERING_ON, Failed, Routine
+from artemis.states.mode import OFF, PATIENCE, STEERING_ON, Failed, Routine, feedback
 from artemis.states.plan import CalibrateStep, Plan, Shared
 from artemis.supervision import catalogue
-from artemis.values import DriveCommand, DriveFeedback, Fault, JobKind, Request, Severity, Snapshot, Wish
+from artemis.values import DriveCommand, Fault, JobKind, Request, Severity, Snapshot, Wish
 
 TURN, LEAST_TURN = radians(45.0), radians(15.0)
 """A wheel is read straight and turned by so much to both sides [rad]: less where its limits are nearer."""
@@ -132,7 +132,7 @@ def _tell_zeros(shared: Shared, step: SteeringStep, straight: Mapping[str, float
 def _release(shared: Shared, snapshot: Snapshot) -> Routine:
     """Have the driven wheels let go: they shall roll as the steering turns them."""
     latest = snapshot.time + RELEASE_TIME
-    while on := [name for name in shared.plan.drives("traction") if _drive(snapshot, name).state in POWERED]:
+    while on := [name for name in shared.plan.drives("traction") if feedback(snapshot, name).state in POWERED]:
         if snapshot.time > latest:
             raise Failed(STEERING_ON, catalogue.fault("COM-03", on[0], "stays on"))
         snapshot = yield _hold(snapshot, "switching traction off")
@@ -177,19 +177,19 @@ def _ask_straight(
     """Let a person turn a wheel until it stands straight: its angle by the encoder [rad], and which way it came."""
     name, _ = plan.robot.drive_at("steering", side)
     low, high = _reach(plan, side)
-    angle, target = _drive(snapshot, name).position, snapshot.set_points.steering
+    angle, target = feedback(snapshot, name).position, snapshot.set_points.steering
     direction = 0.0 if plan.blind else 1.0  # as the alignment leaves it
     begun = snapshot.time
     while not _accepts(snapshot, begun):
         question = f"{_wheel(side)} at {degrees(angle):+.1f} deg: {TURN_IT}"
         _check_operator(snapshot, begun, question)
         if jog := total(JOGS.get(request, 0.0) for request in snapshot.sensed.requests):
-            here, direction = _drive(snapshot, name).position, copysign(1.0, jog)
+            here, direction = feedback(snapshot, name).position, copysign(1.0, jog)
             angle = min(max(angle + jog, here - AHEAD, low), here + AHEAD, high)
             target = _virtual(plan, side, angle)
         snapshot = yield replace(STEERING_ON, command=DriveCommand(steering=target), phase=question)
     snapshot = yield from steer(plan, target, snapshot, {})
-    return (_drive(snapshot, name).position, direction), snapshot
+    return (feedback(snapshot, name).position, direction), snapshot
 
 
 def _take_as_straight(shared: Shared, straight: Mapping[str, float], snapshot: Snapshot) -> Routine:
@@ -198,7 +198,7 @@ def _take_as_straight(shared: Shared, straight: Mapping[str, float], snapshot: S
     Wheels that are no pair by what they count are turned until they are one.
     """
     zeros = {shared.plan.robot.drive_at("steering", side)[0]: angle for side, angle in straight.items()}
-    angles = [_drive(snapshot, name).position - zero for name, zero in zeros.items()]
+    angles = [feedback(snapshot, name).position - zero for name, zero in zeros.items()]
     snapshot = yield from do(OFF, shared.bring_up.jobs(JobKind.REFERENCE, list(zeros), angles), snapshot)
     return (yield from enable(shared, STEERING_ON, snapshot))
 
@@ -241,13 +241,9 @@ def _pass(
     for step in range(1, number + 1):
         target = _virtual(plan, side, begin + direction * 2.0 * WINDOW * step / number)
         snapshot = yield replace(STEERING_ON, command=DriveCommand(steering=target), phase=phase)
-        drive = _drive(snapshot, name)
+        drive = feedback(snapshot, name)
         readings.append((drive.position, *drive.potentiometers))
     return Pass(direction, readings), snapshot
-
-
-def _drive(snapshot: Snapshot, name: str) -> DriveFeedback:
-    return next(drive for drive in snapshot.sensed.drives if drive.name == name)
 
 
 def _wheel(side: str) -> str:
