@@ -1,1 +1,1 @@
-"""What artemis tells other programs on the network, and how: messages first, transports around them."""
+"""What artemis exchanges with other programs on the network: messages first, transports around them."""

@@ -16,7 +16,7 @@ class Answers:
         self._waiting: dict[int, asyncio.Future[tuple[bool, str]]] = {}
 
     async def of(self, number: int) -> tuple[bool, str]:
-        """Whether what the call of that number asked for has an effect, and in words what became of it."""
+        """Whether the request of the call with that number has an effect, and a text with the result."""
         waiting: asyncio.Future[tuple[bool, str]] = asyncio.get_running_loop().create_future()
         self._waiting[number] = waiting
         try:

@@ -1,4 +1,4 @@
-"""Tasks that nobody waits for: a running loop alone keeps none of them from being collected (asyncio.create_task)."""
+"""Tasks that are not awaited: a running loop alone keeps none of them from being collected (asyncio.create_task)."""
 
 from __future__ import annotations
 

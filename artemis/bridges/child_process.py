@@ -1,4 +1,4 @@
-"""Another Python process of a run, as the run sees it: begun, looked after, ended, begun again."""
+"""Another Python process of a run, seen from the run: started, supervised, ended, restarted."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ ENDED = "NET-13"
 MOST_ERRORS = 1 << 16
 """Bytes on its standard error that are kept; of more the last."""
 _WORDS = 200
-"""So much of the last line is told."""
+"""Reported part of its last line [characters]."""
 SOONEST = 1.0
-"""From one start to the next of a process that worked [s]; one that worked for longer is begun again at once."""
+"""From one start to the next of a process that worked [s]; one that worked for longer is restarted at once."""
 LONGEST_PAUSE = 4.0
 """Before the next start of one that never works [s]."""
 APART = 1.2
-"""That it is back is told so long after it was told that it ended [s]: the first warning is over by then."""
+"""That it works again is reported this long after its end was reported [s]: the first warning is cleared by then."""
 
 
 class ChildProcess:
@@ -64,7 +64,7 @@ class ChildProcess:
             os.ftruncate(self._errors.fileno(), 0)
 
     def wait(self, patience: float) -> bool:
-        """Whether it ends within so long [s]."""
+        """Whether it ends within this time [s]."""
         try:
             self._process.wait(patience)
         except subprocess.TimeoutExpired:
@@ -91,9 +91,9 @@ class ChildProcess:
 
 
 class Restarts:
-    """When a process that ended is begun again, and what is said of that: once that it ended, and that it is back.
+    """When a process that ended is restarted, and what is reported: once that it ended, and that it works again.
 
-    One that worked is begun again at once, at most every `SOONEST`; one that never works after longer pauses each time.
+    One that worked is restarted at once, at most every `SOONEST`; one that never works after longer pauses each time.
     """
 
     def __init__(self, clock: Callable[[], float] = stopwatch) -> None:
@@ -106,7 +106,7 @@ class Restarts:
         self._pause = 0.0
         self._ended: float | None = None
         self._lock = Lock()
-        """What there is to say may be asked for in another thread."""
+        """Reports may be taken in another thread."""
         self._words: list[tuple[float, str]] = []
 
     @property
@@ -119,7 +119,7 @@ class Restarts:
         self._begun, self._works = self._clock(), False
 
     def works(self, missed: str = "") -> None:
-        """It does its work now; harmless when repeated. `missed`: what was lost while it did not, in words."""
+        """It does its work now; harmless when repeated. `missed`: a text with what was lost meanwhile."""
         if self._works:
             return
         now = self._clock()
@@ -129,7 +129,7 @@ class Restarts:
         self._works, self.fails, self._pause, self._ended = True, False, 0.0, None
 
     def ended(self, why: str) -> None:
-        """It has ended, or could not be begun."""
+        """It has ended, or could not be started."""
         now = self._clock()
         if self._ended is None:
             self._ended = now
@@ -143,7 +143,7 @@ class Restarts:
         self._works, self.fails = False, not self._works
 
     def take(self) -> list[str]:
-        """What there is to say since the last call."""
+        """Reports since the last call."""
         now = self._clock()
         with self._lock:
             due = [words for at, words in self._words if now >= at]

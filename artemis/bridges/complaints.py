@@ -1,4 +1,4 @@
-"""What an observer says of the network that it tells others by: rows of the fault table."""
+"""What an observer reports about its connection to other programs: rows of the fault table."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ FAILED = "NET-12"
 
 
 class Complaints:
-    """That it is not heard, once while that lasts; who is refused, once; that somebody is too slow, and the cost."""
+    """That it reaches no other program, once while that lasts; refused clients, once; slow clients, and the cost."""
 
     def __init__(self, name: str, who: str) -> None:
-        """`name` of the observer; `who` hears it, such as subscriber."""
+        """`name` of the observer; `who` receives its messages, such as subscriber."""
         self._name, self._who = name, who
         self._told = self._slow = False
         self._refused: set[str] = set()
@@ -19,13 +19,13 @@ class Complaints:
     def new(
         self, problem: str, dropped: int, *, closed: bool, refused: Iterable[str] = ()
     ) -> list[tuple[str, str, str]]:
-        """What was not said yet.
+        """What was not reported yet.
 
         Args:
             problem: at present; empty: none.
             dropped: messages in all.
             closed: the observer is closed.
-            refused: who is, each in words.
+            refused: a text for each refused client.
         """
         words = [problem] if problem and not self._told else []
         new = [each for each in refused if each not in self._refused]

@@ -1,4 +1,4 @@
-"""What a tick says of drives, faults and the mission, as rows of a diagnostic viewer (diagnostic_msgs)."""
+"""Drives, faults and the mission at a tick, as rows of a diagnostic viewer (diagnostic_msgs)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def signature(tick: Tick) -> object:
 
 
 def diagnosis(robot: RobotFile, tick: Tick) -> list[dict[str, Any]]:
-    """A row for the robot, one per drive, and one per active fault with its id, device and words."""
+    """A row for the robot, one per drive, and one per active fault with its id, device and text."""
     snapshot = tick.snapshot
     severity = snapshot.verdict.severity
     told = {"mode": tick.mode.value, "phase": tick.wish.phase, "step": tick.position.step + 1}
@@ -62,7 +62,7 @@ def _drive(drive: DriveFeedback) -> Mapping[str, object]:
         "position": f"{drive.position:.4f}",
         "velocity": f"{drive.velocity:.4f}",
         "current_A": f"{drive.current:.3f}",
-        "age_s": "never heard" if drive.age is None else f"{drive.age:.3f}",
+        "age_s": "never received" if drive.age is None else f"{drive.age:.3f}",
     }
 
 

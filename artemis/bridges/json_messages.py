@@ -1,6 +1,6 @@
 """Standard ROS messages as JSON, both ways; no package of ROS is needed for that.
 
-Each form says what a type's fields are, by a value that stands for one that is not given: numbers, texts, other
+Each form lists a type's fields, each with the value of a field that is not given: numbers, texts, other
 messages; `[form]` are any number of messages, `()` any number of values.
 """
 
@@ -83,7 +83,7 @@ class JsonMessages:
     """Packs and unpacks messages."""
 
     def __init__(self, ros: int = 2) -> None:
-        """`ros`: 1 or 2, whose names times have."""
+        """`ros`: 1 or 2, whose field names times have."""
         self._one = ros == 1
 
     def prepare(self, type: str) -> None:
@@ -160,7 +160,7 @@ def _understood(form: Any, content: Any, name: str = "message") -> Any:  # noqa:
 
 
 def _header(content: object) -> SimpleNamespace:
-    """Frame and stamp, by the names of ROS 1 or ROS 2; of a command nobody looks at them: clocks differ."""
+    """Frame and stamp, by the names of ROS 1 or ROS 2; those of a command are not used: clocks differ."""
     given = content if isinstance(content, dict) else {}
     stamp = given.get("stamp")
     times = stamp if isinstance(stamp, dict) else {}

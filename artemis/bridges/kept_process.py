@@ -1,4 +1,4 @@
-"""A process that talks to other programs for a run: begun, heard in a thread, and begun again if it ends or hangs."""
+"""A process that connects a run with other programs: started, read in a thread, restarted if it ends or hangs."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from multiprocessing.connection import Connection
 from artemis.bridges.child_process import ChildProcess, Restarts
 
 BEGIN, SILENCE = 10.0, 3.0
-"""It has so long until it first says something, and between two times [s]; then it is ended."""
+"""Time to its first message, and between two messages [s]; then it is ended."""
 LOOK = 0.1
-"""It says something at least this often [s]."""
+"""It sends a message at least this often [s]."""
 END_TIME = 2.0
 """It has this long to leave at the end [s]."""
 
@@ -23,7 +23,7 @@ class KeptProcess(ABC):
     """One such process. Both ends have a connection on which blocks of bytes go over.
 
     Attributes:
-        problem: Why it does not work at present; empty: it does, or it has only begun.
+        problem: Why it does not work at present; empty: it does, or it has just started.
         pid: Of the process; None: there was none yet.
     """
 
@@ -36,7 +36,7 @@ class KeptProcess(ABC):
         self.pid: int | None = None
         self._fds = fds
         self._new = False
-        """It can be talked to, and has been sent nothing yet: who sends it what holds for long clears this."""
+        """It is ready, and has been sent nothing yet: cleared by the sender of lasting data."""
         self._connection: Connection | None = None
         self._sending = threading.Lock()
         self._end = threading.Event()
@@ -48,7 +48,7 @@ class KeptProcess(ABC):
         self._thread.start()
 
     def take_words(self) -> list[str]:
-        """That it ended, and that it is back: what was not said yet."""
+        """That it ended, and that it works again: what was not reported yet."""
         return self._restarts.take()
 
     def close(self) -> None:
@@ -65,7 +65,7 @@ class KeptProcess(ABC):
 
     @abstractmethod
     def _hear(self, block: bytes) -> str:
-        """Take what it says, in the thread. What is returned is why it shall end; empty: it works."""
+        """Take its message, in the thread. Returns why it must be ended; empty: it works."""
 
     # ------------------------------------------------------------------------------------------ its life
 
@@ -102,7 +102,7 @@ class KeptProcess(ABC):
         self.pid = process.pid
         failure = self._talk(ours, first, process)
         if failure:
-            process.end()  # who sends goes on
+            process.end()  # the sender continues
         with self._sending:
             self._connection = None
             ours.close()
@@ -111,7 +111,7 @@ class KeptProcess(ABC):
         return failure or f"its process: {words}"
 
     def _talk(self, ours: Connection, first: bytes, process: ChildProcess) -> str:
-        """Send the process what it is, and hear it until it ends; returns why it shall end, if it has not."""
+        """Send the process its settings, and read it until it ends; returns why it must be ended, if it has not."""
         patience, silent = BEGIN, 0.0
         with suppress(EOFError, OSError):
             ours.send_bytes(first)

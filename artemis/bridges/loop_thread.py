@@ -1,4 +1,4 @@
-"""A thread with an event loop of its own: nobody else waits for a peer, whatever that does."""
+"""A thread with an event loop of its own: no other thread waits for a peer."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ Data = TypeVar("Data")
 END_TIME = 2.0
 """It has this long to end [s]; then it is left behind."""
 MOST_WAITING = 64
-"""Lots of data that wait for the thread; who has more waits, too."""
+"""Messages that may wait for the thread; a further sender waits, too."""
 LOOK = 0.1
 """Between two looks whether the thread is still there [s]."""
 
 
 class LoopThread(ABC):
-    """One such thread, begun by `start`."""
+    """One such thread, started by `start`."""
 
     def __init__(self, name: str) -> None:
         self._loop = asyncio.SelectorEventLoop()

@@ -15,7 +15,7 @@ class TakenPlace(NamedTuple):
     key: str
     """Of the plugin's keys: that which chooses it."""
     what: str
-    """In words, such as `port 9090`."""
+    """As a text, such as `port 9090`."""
     where: str = ""
     """Where it is that: of an address, a master; empty: everywhere."""
 

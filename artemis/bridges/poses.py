@@ -1,4 +1,4 @@
-"""Poses that other programs ask for: where the robot shall drive (`goal_pose`), about where it is (`initialpose`).
+"""Poses from other programs: the goal (`goal_pose`), and the approximate pose of the robot (`initialpose`).
 
 Both are messages as rviz sends them: geometry_msgs/PoseStamped, geometry_msgs/PoseWithCovarianceStamped, in the frame
 `map`. The heading is the yaw of the orientation, of a quaternion x, y, z, w: atan2(2 (w z + x y), 1 - 2 (y² + z²)).

@@ -20,7 +20,7 @@ from artemis.clock import stopwatch, wall_date
 from artemis.values import LocatedPose, Request
 
 MOST = 64
-"""Publishers of commands that are heard between two ticks, and calls of a service that are answered together."""
+"""Publishers of commands that are read between two ticks, and calls of a service that are answered together."""
 REQUESTS: Mapping[str, Request] = {
     "stop": Request.QUICKSTOP,
     "acknowledge": Request.ACKNOWLEDGE,
@@ -36,7 +36,7 @@ _TWIST, _STEERED = "geometry_msgs/msg/Twist", "ackermann_msgs/msg/AckermannDrive
 Problem = tuple[str, str]
 """Row of the fault table, and what was seen."""
 Taker = Callable[[bytes, str], str]
-"""Is given a message and who sent it, in a thread of the network's; returns why it cannot be used (empty: it can)."""
+"""Called with a message and its sender, in a thread of the network; returns why it cannot be used (empty: it can)."""
 
 
 class Messages(Protocol):
@@ -121,7 +121,7 @@ class Mailbox:
         self._news()
 
     def ask(self, request: Request, at: float, *, called: bool = False) -> int:
-        """A client asks for it; returns the number of the call whose answer is waited for, if it is `called`."""
+        """A client requests it; returns the number of the call whose answer is waited for, if it is `called`."""
         number = next(self._numbers) if called else 0
         self._ask(Asked(request, at, [number] if called else []))
         return number
@@ -172,7 +172,7 @@ class Mailbox:
 
 
 class CommandRules(Struct, frozen=True):
-    """What is heard, and what a command means on this robot."""
+    """Topics that are read, and the meaning of a command on this robot."""
 
     source: str
     """The input's name in the mission."""
@@ -203,7 +203,7 @@ class Receiver:
             types.prepare(type)
 
     def topics(self) -> dict[str, tuple[str, Taker]]:
-        """What is heard: type and taker by the name of the topic, unresolved."""
+        """Topics that are read: type and receiver by the unresolved name."""
         heard: dict[str, tuple[str, Taker]] = {self.rules.commands: (self.rules.type, self._take_command)}
         if self.rules.by_topic:
             heard["enable"] = BOOL, self._take_enable
@@ -219,11 +219,11 @@ class Receiver:
 
     @staticmethod
     def without_effect(name: str, why: str) -> str:
-        """Words for what arrived on the topic `name` and is not taken."""
+        """Text for a message on the topic `name` that was not accepted."""
         return f"{name}: {why}; send it again"
 
     def too_old(self, name: str, why: str) -> str:
-        """A request, or a pose, arrived and is not taken; returns the words, which are a warning."""
+        """A request or a pose was not accepted; returns the text of the warning."""
         words = self.without_effect(name, why)
         self._mailbox.problem(LATE, words)
         return words

@@ -177,7 +177,7 @@ class Ros2Types(RosTypes):
         return self._store.generate_msgdef(type, ros_version=2)[0]
 
     def hash(self, type: str) -> str:
-        """The type's hash, as discovery tells it since Iron (REP 2016): RIHS01_ and 64 digits."""
+        """The type's hash, as discovery publishes it since Iron (REP 2016): RIHS01_ and 64 digits."""
         return self._store.hash_rihs01(type)
 
     def fields(self, type: str) -> dict[str, list[tuple[str, Field]]]:

@@ -1,8 +1,8 @@
-"""What a run says to other robots' programs: a tick becomes messages of the standard types of ROS, on no transport yet.
+"""What a run publishes for other programs: messages of the standard types of ROS from a tick, before any transport.
 
 Frames are those of REP 103 and 105: `map` -> `odom` (once a localizer found the robot) -> `base_link`, and of that the
 wheels and the scanners. `base_link` is on the ground below the centre of the rear axle, x ahead, y to the left, z up.
-Units are metres, radians, seconds, volts, amperes. Nothing is told of a pose that means nothing.
+Units are metres, radians, seconds, volts, amperes. A pose without meaning is not published.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Topic(NamedTuple):
     type: str
     """Such as `nav_msgs/msg/Odometry`."""
     latched: bool = False
-    """Who comes later is told the last one."""
+    """A later subscriber gets the last one."""
 
 
 class Told(NamedTuple):
@@ -88,8 +88,8 @@ class Topics:
         Args:
             robot: its geometry, drives and scanners.
             routes: the paths of the mission's steps that are known before the run, by the step's number.
-            every: of odometry, pose, transforms and joints only each so many ticks are told.
-            transforms: whether transforms are told at all; another program may do that.
+            every: of odometry, pose, transforms and joints only each n-th is published.
+            transforms: whether transforms are published at all; another program may do that.
             map: the run's map as it is at present, the same object until it changes.
         """
         self._robot, self._routes, self._every, self._transforms = robot, routes or {}, every, transforms
@@ -125,7 +125,7 @@ class Topics:
         Args:
             tick: the next one.
             stamp: its time [ns since 1970].
-            wanted: names of the topics that somebody hears; latched ones are told anyway. None: all.
+            wanted: names of the topics with subscribers; latched ones are published anyway. None: all.
         """
 
         def heard(topic: Topic) -> bool:
@@ -185,7 +185,7 @@ class Topics:
             yield Told(BATTERY, {"header": _header(stamp, BASE), **self._battery(battery, tick.snapshot.battery)})
         goal_due, self._goal_is_new = due or self._goal_is_new, False
         if goal_due and self._goal is not None and heard(GOAL):
-            pose, frame = self._goal  # told again for who comes later, and no more once the path is over
+            pose, frame = self._goal  # published again for later subscribers, until the path ends
             yield Told(GOAL, {"header": _header(stamp, frame), "pose": _pose(pose)})
 
     def _battery(self, volts: float, known: BatteryState | None) -> Content:
@@ -265,7 +265,7 @@ class _Joints:
             yield _transform(stamp, BASE, f"rear_{side}_wheel", Pose(y=sign * self._half), self._radius[side])
 
     def steered(self, stamp: int, drives: tuple[DriveFeedback, ...]) -> list[Content]:
-        """The front wheels, each on its kingpin; those that were heard."""
+        """The front wheels, each on its kingpin; those that were received."""
         frames = []
         for drive in drives:
             if (turned := self._steering.get(drive.name)) is not None and drive.age is not None:
@@ -287,7 +287,7 @@ class _Joints:
         return [(side, atan2(s, c - sign * half * s)) for side, sign in _SIDES.items()]
 
     def state(self, drives: tuple[DriveFeedback, ...]) -> Content:
-        """Names, positions [rad] and velocities [rad/s] of the joints whose drives were heard."""
+        """Names, positions [rad] and velocities [rad/s] of the joints whose drives were received."""
         names, positions, velocities = [], [], []
         for drive in drives:
             if drive.age is None:
@@ -343,7 +343,7 @@ def _covariance(of: tuple[float, ...]) -> list[float]:
 
 
 def _scan(scan: Scan, stamp: int) -> Content:
-    """No return is told as 0 m, below `range_min`, so that nobody takes it for free space."""
+    """No return is published as 0 m, below `range_min`, so that it is not taken for free space."""
     ranges = scan.millimetres * 1e-3
     return {
         "header": _header(stamp, scan.source),

@@ -211,7 +211,7 @@ class OperatorDrive:
             while not protocol.closed.done() and not end.over:
                 now = loop.time()
                 if end.silent_for(now) > DEAD:
-                    return f"nothing was heard for {DEAD:g} s"
+                    return f"nothing was received for {DEAD:g} s"
                 sample = self._sample()
                 if self._leaving:
                     end.command(replace(sample, enabled=False, speed=0.0), now)

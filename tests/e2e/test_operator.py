@@ -138,7 +138,7 @@ def test_an_operator_drives_loses_the_link_and_goes_on(folder: Path) -> None:
                 screen.see("quickstop: stopped: arm to continue")
                 assert visitor.wait(timeout=60) == 0
                 assert stream(visitor.stdout).read().split() == "stop a quick stop was asked for".split()
-            screen.press_until(b"e", "the run is over")  # a request that is older than 0.25 s has no effect
+            screen.press_until(b"e", "the run has ended")  # a request that is older than 0.25 s has no effect
             assert screen.end() == 0
         assert robot.wait(timeout=60) == 1, "ended before its last step"
     run = only_run(folder)
@@ -162,6 +162,6 @@ def test_a_script_drives_to_the_end_and_ctrl_c_releases(folder: Path) -> None:
             first.send_signal(signal.SIGINT)
             assert first.wait(timeout=60) == 130
         with started("operator", address, "--input", "scripted", "--option", f"file={folder / 'done.csv'}") as second:
-            read_until(second, "the run is over")
+            read_until(second, "the run has ended")
             assert second.wait(timeout=60) == 0
         assert robot.wait(timeout=60) == 0

@@ -111,7 +111,7 @@ def test_link_lost() -> None:
         await scene.see(lambda: scene.end.owner is None)
 
     scene = play(cut)
-    assert scene.lost[0] == f"nothing was heard for {DEAD:g} s"
+    assert scene.lost[0] == f"nothing was received for {DEAD:g} s"
 
 
 def test_latency() -> None:

@@ -105,7 +105,7 @@ def test_a_page_that_is_gone_or_silent_has_lost_the_seat(seats: PageSeats) -> No
     assert (seats.report.seat, seats.report.why) == ("lost", "the connection was closed")
     page = driving(seats, 2.0)
     seats.beat(2.0 + DEAD + 0.01)
-    assert (seats.report.seat, seats.report.why) == ("lost", "nothing was heard for 1 s")
+    assert (seats.report.seat, seats.report.why) == ("lost", "nothing was received for 1 s")
     assert page.heard("parted")
     page.sequence = 0
     page.take(4.0)

@@ -378,7 +378,7 @@ def test_a_goal_is_passed_on_and_its_sender_told_why_one_is_refused(run: Run) ->
     )
     assert [sample.goal for sample in device.samples if sample.goal] == [Pose(x=1.5, y=2.0)]
     client.say(op="publish", topic="/initialpose", msg={})
-    assert client.hear()["msg"].startswith("/initialpose is not heard here")
+    assert client.hear()["msg"].startswith("/initialpose is not accepted here")
 
 
 @pytest.mark.realtime

@@ -200,7 +200,7 @@ def test_a_service_answers_with_the_call_s_id() -> None:
             {"op": "advertise", "topic": "/cmd_vel", "type": "std_msgs/Bool"},
             f"/cmd_vel is {TWIST}, and std_msgs/msg/Bool",
         ),
-        ({"op": "advertise", "topic": "/go", "type": TWIST}, "/go is not heard here; topics that are: /cmd_vel"),
+        ({"op": "advertise", "topic": "/go", "type": TWIST}, "/go is not accepted here; topics that are: /cmd_vel"),
         ({"op": "unadvertise", "topic": "/cmd_vel"}, "/cmd_vel is not advertised"),
         (
             {"op": "publish", "topic": "/cmd_vel", "msg": {"linear": {"x": "fast"}}},
@@ -208,7 +208,7 @@ def test_a_service_answers_with_the_call_s_id() -> None:
         ),
         ({"op": "publish", "topic": "/cmd_vel", "msg": {"linear": {"v": 1}}}, "linear has no field v"),
         ({"op": "publish", "topic": "/cmd_vel", "msg": 3}, "message is no message"),
-        ({"op": "publish", "topic": "/odom", "msg": {}}, "/odom is not heard here"),
+        ({"op": "publish", "topic": "/odom", "msg": {}}, "/odom is not accepted here"),
         ({"op": "set_level", "level": "all"}, "level 'all': none, error, warning, info"),
         ({"op": "call_service"}, "service is missing"),
     ],

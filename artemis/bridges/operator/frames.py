@@ -1,9 +1,9 @@
-"""Frames between a robot and its operator: a length, a body that begins with its kind, and a proof of who wrote it.
+"""Frames between a robot and its operator: a length, a body that begins with its kind, and a proof of its sender.
 
     robot                                   operator
       HELLO     version, nonce          ->
                                         <-  CLAIM     role, nonce, name, proof of the secret
-      WELCOME   what robot this is      ->            or DENIED: wrong secret; REFUSED: somebody drives; STOPPED
+      WELCOME   what robot this is      ->            or DENIED: wrong secret; REFUSED: another drives; STOPPED
       BEAT      number, state           ->            every 50 ms
                                         <-  COMMAND   sequence, newest beat, wish, requests
                                         <-  RELEASE   the seat is free
@@ -32,7 +32,7 @@ MOST_NAME, MOST_AXES = 40, 16
 
 HELLO, CLAIM, DENIED, WELCOME, REFUSED, STOPPED, BEAT, COMMAND, RELEASE, BYE = range(1, 11)
 DRIVE, STOP = 0, 1
-"""Roles of a claim: to take the seat; to have the robot stop, whoever has it."""
+"""Roles of a claim: to take the seat; to stop the robot, whichever operator has it."""
 REQUESTS = (
     Request.QUICKSTOP,
     Request.ACKNOWLEDGE,
@@ -44,8 +44,8 @@ REQUESTS = (
 """What an operator may ask for, by the bits of a command."""
 NEVER = 0xFFFF
 """Milliseconds of something that has not happened."""
-RUN_OVER = "the run is over"
-"""Words of a BYE after which nobody comes back."""
+RUN_OVER = "the run has ended"
+"""Text of a BYE after which no operator reconnects."""
 
 _LENGTH = struct.Struct(">H")
 _COMMAND = struct.Struct(">BQQBHHHddB")
@@ -70,7 +70,7 @@ class SessionKeys(NamedTuple):
 
 
 class Claim(NamedTuple):
-    """Who wants what, and how it is proved."""
+    """Sender, role and proof."""
 
     role: int
     nonce: bytes
@@ -198,7 +198,7 @@ def claim(request: Claim) -> bytes:
 
 
 def claim_from(body: bytes) -> Claim:
-    """What a body of CLAIM says. Raises MalformedFrame."""
+    """The content of a body of CLAIM. Raises MalformedFrame."""
     place = 3 + NONCE + PROOF
     if len(body) <= place or len(body) > place + MOST_NAME or body[:2] != bytes((CLAIM, VERSION)):
         raise MalformedFrame("no claim of this version")
@@ -224,7 +224,7 @@ def command(given: SentCommand) -> bytes:
 
 
 def command_from(body: bytes) -> SentCommand:
-    """What a body of COMMAND says. Raises MalformedFrame."""
+    """The content of a body of COMMAND. Raises MalformedFrame."""
     if len(body) < _COMMAND.size:
         raise MalformedFrame("a command that is too short")
     _, sequence, beat, flags, age, hold, bits, speed, steering, count = _COMMAND.unpack_from(body)
@@ -268,7 +268,7 @@ def beat(given: Beat) -> bytes:
 
 
 def beat_from(body: bytes) -> Beat:
-    """What a body of BEAT says. Raises MalformedFrame."""
+    """The content of a body of BEAT. Raises MalformedFrame."""
     if len(body) < _BEAT.size:
         raise MalformedFrame("a beat that is too short")
     _, number, age, round_trip = _BEAT.unpack_from(body)
@@ -281,12 +281,12 @@ def beat_from(body: bytes) -> Beat:
 
 
 def worded(kind: int, text: str) -> bytes:
-    """Body of DENIED, REFUSED, STOPPED or BYE: a kind and a few words."""
+    """Body of DENIED, REFUSED, STOPPED or BYE: a kind and a short text."""
     return bytes((kind,)) + text.encode()[:400]
 
 
 def words_of(body: bytes) -> str:
-    """The words after a kind."""
+    """The text after a kind."""
     return body[1:].decode("utf-8", "replace")
 
 

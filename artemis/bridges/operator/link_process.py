@@ -29,7 +29,7 @@ LARGEST = 65536
 END_TIME = 2.0
 """The process has this long to end [s]."""
 WORKS = b"works"
-"""What a process says once operators can connect."""
+"""Message of the process once operators can connect."""
 _DECODER, _ENCODER = msgspec.msgpack.Decoder(LinkReport), msgspec.msgpack.Encoder()
 
 
@@ -45,7 +45,7 @@ class LinkSettings(Struct, frozen=True):
 
 
 class LinkProcess:
-    """The run's side of the process. One that ends is begun again, on the same socket, with nobody in the seat."""
+    """The run's side of the process. One that ends is restarted, on the same socket, with no operator in the seat."""
 
     def __init__(self, listening: socket.socket, settings: LinkSettings) -> None:
         """Begin it; the socket is open as long as this is."""
@@ -67,7 +67,7 @@ class LinkProcess:
         """Reports since the last call, oldest first, not more than a tick has time for; what is left comes next.
 
         Raises:
-            DeviceLost: no process can be begun, and the last reports of the one that ended were taken.
+            DeviceLost: no process can be started, and the last reports of the one that ended were taken.
         """
         reports: list[LinkReport] = []
         if self._ours is None and self._restarts.due:
@@ -131,7 +131,7 @@ class LinkProcess:
             self._restarts.ended(self._why)
 
     def _ended(self, ours: socket.socket) -> LinkReport:
-        """The process is no more: begin another one, and tell who had the seat that it is lost."""
+        """The process has ended: start another one, and report the loss of the seat."""
         self._forget(ours)
         self._why = self._process.end()
         self._restarts.ended(f"the link's process: {self._why}")

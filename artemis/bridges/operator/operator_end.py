@@ -14,7 +14,7 @@ UNHEARD = OperatorInput(source="", neutral=False)
 
 
 class RefusedLink(Exception):
-    """The robot does not want this operator, or is not the one; in words for him."""
+    """The robot refuses this operator, or is another one; with a text for the operator."""
 
 
 class OperatorEnd:
@@ -27,13 +27,13 @@ class OperatorEnd:
         role: int = frames.DRIVE,
         random: Callable[[int], bytes] = secrets.token_bytes,
     ) -> None:
-        """Connected; the robot says hello first.
+        """Connected; the robot sends the first frame.
 
         Args:
             secret: Shared with the robot.
-            name: Who this is, for the robot's journal: printable, at most 40 bytes are sent.
+            name: The operator, for the robot's journal: printable, at most 40 bytes are sent.
             role: To drive, or only to stop.
-            random: Gives so many unpredictable bytes.
+            random: Gives this number of unpredictable bytes.
         """
         self.output = bytearray()
         """Bytes that are to be sent."""
@@ -105,7 +105,7 @@ class OperatorEnd:
         if self._keys is None:
             self._claim(frames.nonce_of_hello(body))
             return
-        if self.welcome is None and frames.kind_of(body) == frames.DENIED:  # nobody without the secret can seal it
+        if self.welcome is None and frames.kind_of(body) == frames.DENIED:  # it cannot be signed without the secret
             raise RefusedLink("the robot has another secret: pair both sides again")
         body = frames.opened(self._keys.robot, body)
         match frames.kind_of(body):

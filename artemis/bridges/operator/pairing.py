@@ -1,7 +1,7 @@
 """The secret that a robot and its operators share: made from a phrase that a person types, kept in a file of its own.
 
-A phrase is made here, never chosen: 70 random bits and 10 to notice a slip, in 16 letters and digits. Whoever hears a
-handshake can try phrases against it; scrypt (RFC 7914) makes each try cost 64 MiB and about 2^21 rounds of Salsa20/8.
+A phrase is made here, never chosen: 70 random bits and 10 to notice a slip, in 16 letters and digits. An eavesdropper
+of a handshake can try phrases; scrypt (RFC 7914) makes each try cost 64 MiB and about 2^21 rounds of Salsa20/8.
 """
 
 from __future__ import annotations

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections import deque
 
 WINDOW, LOSS_WINDOW = 2.0, 1.0
-"""Jitter and loss are judged over so long [s]."""
+"""Jitter and loss are judged over this time [s]."""
 JITTER = 0.1
-"""The 95th percentile of the gaps between two frames may be so long [s]."""
+"""Highest 95th percentile of the gaps between two frames [s]."""
 LOSS = 0.2
-"""So many of the frames may be missing."""
+"""Highest share of missing frames."""
 LEAST = 8
-"""Of fewer frames nothing is said."""
+"""Fewer frames are not judged."""
 
 
 class LinkQuality:

@@ -17,11 +17,11 @@ from artemis.bridges.operator.session import LinkSession, Seats
 from artemis.values import Request
 
 CLAIM_TIME = 2.0
-"""So long one may take to prove the secret [s]."""
+"""Time to prove the secret [s]."""
 MOST_WAITING = 8
 """Links that have not proved the secret; of more the oldest is closed, from where most of them come."""
 FORGERIES = 10
-"""A link that shows so many is closed."""
+"""A link with this number of them is closed."""
 
 
 class RobotEnd(Seats):
@@ -34,19 +34,19 @@ class RobotEnd(Seats):
         allow: Collection[Request] = (),
         random: Callable[[int], bytes] = secrets.token_bytes,
     ) -> None:
-        """Nobody is there.
+        """No operator is connected.
 
         Args:
             secret: Shared with the operators.
             welcome: JSON of what this robot is.
             allow: Requests that are obeyed besides the quick stop and those that belong to driving (done, record).
-            random: Gives so many unpredictable bytes.
+            random: Gives this number of unpredictable bytes.
         """
         super().__init__(allow)
         self.secret, self.welcome, self.random = secret, welcome, random
 
     def connected(self, peer: str, now: float) -> RobotLink:
-        """Somebody connects from the address `peer`, at `now` [s]."""
+        """A connection from the address `peer`, at `now` [s]."""
         link = RobotLink(self, peer, now)
         link.greet()
         self.links[link] = None
@@ -58,7 +58,7 @@ class RobotEnd(Seats):
         return link
 
     def end(self, words: str) -> None:
-        """The run is over."""
+        """The run has ended."""
         for link in self.links:
             if link is self.owner and isinstance(link, RobotLink):
                 link.send(frames.worded(frames.BYE, words))
@@ -79,7 +79,7 @@ class RobotLink(LinkSession):
         self._forgeries = 0
 
     def greet(self) -> None:
-        """Say hello."""
+        """Send the first frame."""
         self.output += frames.framed(frames.hello(self._nonce))
 
     def send(self, body: bytes) -> None:

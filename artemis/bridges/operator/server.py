@@ -15,7 +15,7 @@ from artemis.errors import ConfigError
 MOST_UNSENT = 32768
 """Bytes that may wait for an operator who does not read; more are dropped, whole frames at a time."""
 LINGER = 0.5
-"""A connection that is closed has this long for its last words [s]."""
+"""Time for the last frame of a connection that is closed [s]."""
 BACKLOG = 16
 
 
@@ -40,7 +40,7 @@ class OperatorServer:
         self._beat()
 
     async def close(self, words: str) -> None:
-        """Say goodbye and close everything."""
+        """Send a last frame and close everything."""
         if self._beating is not None:
             self._beating.cancel()
         if self._server is not None:
@@ -56,7 +56,7 @@ class OperatorServer:
         await asyncio.sleep(0)
 
     def made(self, protocol: _LinkProtocol, peer: str) -> None:
-        """Somebody connected."""
+        """A client connected."""
         self._links[protocol] = self.end.connected(peer, self._loop.time())
         self._flush()
 

@@ -1,4 +1,4 @@
-"""Who has the seat of a robot, and which of an operator's commands count: rules of every link, whatever carries it.
+"""Which operator has the seat of a robot, and which commands are valid: rules of every link, on any transport.
 
 A command counts if its sequence is higher than any before, and if it quotes a beat of this session that is younger than
 `FRESH`; from that beat on it counts for `FRESH`. So no clocks are compared, and a link that fails in whatever manner
@@ -21,25 +21,25 @@ from artemis.bridges.operator.quality import LinkQuality
 from artemis.values import Request
 
 AT_ONCE = 64
-"""Reports that the robot takes in one call, at most: who sends them faces the network, and a tick waits."""
+"""Highest number of reports that the robot takes in one call: their sender faces the network, and a tick waits."""
 BEAT_EVERY = 0.05
 """Between two beats [s]."""
 FRESH = 0.25
 """A command counts until the beat that it quotes is so old [s]."""
 DEAD = 1.0
-"""An operator of whom nothing valid came for so long has left the seat [s]."""
+"""An operator without a valid frame for this time loses the seat [s]."""
 KEPT_BEATS = 100
 RATE, BURST = 400.0, 400.0
 """Frames of a link that are looked at, in a second and at once; more are dropped unread. At once: all that an operator
 sends in `DEAD`, which a stalled link delivers together; the last may ask for a stop."""
 REPLAYS = 3
-"""A session that shows so many is ended."""
+"""A session with this number of them is ended."""
 TOLD_EVERY = 0.2
-"""A row of the fault table is told at most so often [s]: its cause lasts for 0.5 s more."""
+"""Shortest interval of reports of a row of the fault table [s]: its cause lasts for 0.5 s more."""
 MOST_REQUESTS = 16
 
 Seat = Literal["free", "held", "lost"]
-"""free: nobody had it, or it was given back; lost: who had it went away without a word."""
+"""free: no operator had it, or it was given back; lost: its operator vanished without giving it back."""
 Problem = tuple[str, str]
 """Row of the fault table, and what was seen."""
 
@@ -79,17 +79,17 @@ Given = GivenPose | GivenAnswer
 
 
 class LinkReport(Struct, array_like=True):
-    """What there is to tell since the last report."""
+    """What is new since the last report."""
 
     seat: Seat = "free"
     who: str = ""
-    """Who has, or had, the seat."""
+    """The operator who has, or had, the seat."""
     since: float = 0.0
     """When it was taken, or lost [s]."""
     why: str = ""
     """Why it was lost."""
     newest: Arrived | None = None
-    """The last command of the one who has the seat, also where it is not news."""
+    """The last command of the one who has the seat, also if it is not new."""
     late: tuple[float, float] | None = None
     """When a command came that was too old, and how old it was [s]."""
     requests: list[Request] = []
@@ -103,7 +103,7 @@ class Seats:
     """All sessions of one robot; one of them may drive it."""
 
     def __init__(self, allow: Collection[Request] = (), fresh: float = FRESH) -> None:
-        """Nobody is there.
+        """No operator is connected.
 
         Args:
             allow: Requests that are obeyed besides the quick stop and those that belong to driving (done, record).
@@ -128,7 +128,7 @@ class Seats:
             self._leave("lost", now, why)
 
     def beat(self, now: float) -> None:
-        """Every `BEAT_EVERY`: send the owner a beat, let those go who are silent, judge the link."""
+        """Every `BEAT_EVERY`: send the owner a beat, disconnect silent operators, judge the link."""
         for link in list(self.links):
             link.look(now)
         if self.owner is not None:
@@ -151,7 +151,7 @@ class Seats:
         self.has_news = True
 
     def release(self, link: LinkSession, now: float) -> None:
-        """Who has the seat gives it back."""
+        """The operator gives the seat back."""
         if link is self.owner:
             self._leave("free", now, "")
 
@@ -164,7 +164,7 @@ class Seats:
         self.report.late, self.has_news = (now, age), True
 
     def ask(self, request: Request, sent: float = inf) -> None:
-        """Somebody who may asks for this, and quotes a beat that was sent then [s]."""
+        """A permitted operator requests this, and quotes a beat that was sent then [s]."""
         if len(self.report.requests) < MOST_REQUESTS:
             self.report.requests.append(request)
         elif request is Request.QUICKSTOP:
@@ -173,7 +173,7 @@ class Seats:
         self.has_news = True
 
     def give(self, given: Given, sent: float) -> None:
-        """Who has the seat gives this, and quotes a beat that was sent then [s]."""
+        """The operator in the seat sends this, and quotes a beat that was sent then [s]."""
         if len(self.report.given) < MOST_REQUESTS:
             self.report.given.append(given)
             self.report.asked = min(self.report.asked, sent)
@@ -197,7 +197,7 @@ class LinkSession(ABC):
     """One operator's, from the first word to the last."""
 
     def __init__(self, end: Seats, who: str, now: float) -> None:
-        """Begun at `now` [s], from the address `who`."""
+        """Started at `now` [s], from the address `who`."""
         self.who = self.peer = who
         self.closing = False
         """It is to be closed."""
@@ -230,7 +230,7 @@ class LinkSession(ABC):
     def look(self, now: float) -> None:
         """Let go of one that is silent."""
         if now - self._heard > DEAD:
-            self._part(now, f"nothing was heard for {DEAD:g} s")
+            self._part(now, f"nothing was received for {DEAD:g} s")
         if self._dropped:
             self._end.tell("NET-10", f"{self.who}: {self._dropped} frames dropped unread", now)
             self._dropped = 0
@@ -255,7 +255,7 @@ class LinkSession(ABC):
         if sequence <= self._sequence:
             self._replays += 1
             if self._replays >= REPLAYS:
-                self._end.tell("NET-06", f"{self.who}: {REPLAYS} frames came again or in another order", now)
+                self._end.tell("NET-06", f"{self.who}: {REPLAYS} frames were repeated or reordered", now)
                 self._part(now, "frames were replayed")
             return False
         self.quality.saw(now, max(sequence - self._sequence - 1 - self._unread, 0))

@@ -1,4 +1,4 @@
-"""What an operator is told of the robot: what it is, once, and what it does, again and again; as JSON."""
+"""What an operator gets of the robot, as JSON: its description, once, and its state, repeatedly."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from msgspec import Raw, Struct
 from artemis.values import Mode, Severity, Tick
 
 SHOWN_EVERY = 0.1
-"""Without news the state is told so often [s]."""
+"""Interval at which an unchanged state is sent [s]."""
 MOST_FAULTS, LONGEST_TEXT = 6, 160
 
 

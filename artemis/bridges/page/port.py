@@ -57,7 +57,7 @@ class PagePort:
         """Listen.
 
         Raises:
-            ConfigError: somebody else has the name.
+            ConfigError: another process has the name.
         """
         self._listening = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._listening.setblocking(False)
@@ -104,7 +104,7 @@ class PagePort:
         return reports
 
     def tell(self, status: bytes) -> None:
-        """The page sees all ticks: nothing is told here."""
+        """The page sees all ticks: nothing is published here."""
 
     def close(self) -> None:
         """End it; harmless when repeated."""
@@ -120,7 +120,7 @@ class PagePort:
             if not is_ours(made):
                 made.close()
                 return
-            self._news()  # what the last one said goes first
+            self._news()  # what the last one sent goes first
             self._forget()
             made.setblocking(False)
             self._connection = made

@@ -1,6 +1,6 @@
-"""Operators at pages: the rules of every link, and what a page adds to them. Words and times, no socket, no clock.
+"""Operators at pages: the rules of every link, and what a page adds. Values and times only, no socket, no clock.
 
-Who paired may watch, and may stop the robot. Only one has the seat; the others ask for it in vain until it is given
+Every paired browser may watch and stop the robot. Only one has the seat; others are refused until it is given
 back or lost.
 """
 
@@ -29,11 +29,11 @@ REQUESTS = {
     "record": Request.RECORD,
     "accept": Request.ACCEPT,
 }
-"""What who has the seat may ask for."""
+"""Requests of the operator in the seat."""
 STALE_PAGE = "NET-11"
 MOST_CORNERS = 40
 KNOWN_STOPS = 256
-"""Presses of Stop are known by their ids; each comes by two ways."""
+"""Presses of Stop are known by their ids; each arrives on two connections."""
 
 Metres = Annotated[float, Meta(ge=-FARTHEST, le=FARTHEST)]
 Share = Annotated[float, Meta(ge=-1.0, le=1.0)]
@@ -54,7 +54,7 @@ class GiveBack(Struct, frozen=True, tag_field="t", tag="release", forbid_unknown
 
 
 class Hold(Struct, frozen=True, tag_field="t", tag="hold", forbid_unknown_fields=True):
-    """What the hand does; sent every 50 ms by who has the seat, and when it takes hold or lets go."""
+    """State of the controls; sent every 50 ms by the page in the seat, and when they are held or released."""
 
     seq: Count
     beat: Count
@@ -111,16 +111,16 @@ class ZoneChange(Struct, frozen=True, tag_field="t", tag="zone", forbid_unknown_
 
 
 class StopPress(Struct, frozen=True, tag_field="t", tag="stop", forbid_unknown_fields=True):
-    """The robot shall stop."""
+    """A request to stop the robot."""
 
     id: Id
     """Of the press."""
     stale: bool = False
-    """The page had not heard of the robot for a while when it was pressed."""
+    """The page had received no state for a while when it was pressed."""
 
 
 class Ping(Struct, frozen=True, tag_field="t", tag="ping", forbid_unknown_fields=True):
-    """How long is the way there and back?"""
+    """A request to measure the round-trip time."""
 
     at: float
 
@@ -128,18 +128,18 @@ class Ping(Struct, frozen=True, tag_field="t", tag="ping", forbid_unknown_fields
 Act = PosePress | AnswerPress | ZoneChange
 Said = Take | GiveBack | Hold | Act | StopPress | Ping
 ChangeZones = Callable[[ZoneChange, Callable[[str], None]], None]
-"""Changes zones beside the ticks of the page, and then says why it did not; nothing: it did."""
+"""Changes zones beside the ticks of the page, and returns why it was refused; empty: it was done."""
 _DECODER = msgspec.json.Decoder(Said)
 
 
 def said(text: str | bytes) -> Said:
-    """What a page says. Raises MalformedFrame."""
+    """A message of a page. Raises MalformedFrame."""
     found: Said = decoded(_DECODER, text)
     return found
 
 
 def decoded(decoder: msgspec.json.Decoder[Any], text: str | bytes) -> Any:  # noqa: ANN401 (of the decoder's type)
-    """What a browser says, of the kinds that a decoder knows. Raises MalformedFrame."""
+    """A message of a browser, of the kinds that a decoder knows. Raises MalformedFrame."""
     try:
         return decoder.decode(text)
     except (msgspec.DecodeError, UnicodeEncodeError) as error:
@@ -150,7 +150,7 @@ class PageSeats(Seats):
     """All pages of one robot."""
 
     def __init__(self, changed: Callable[[], None] = lambda: None) -> None:
-        """`changed` is called when somebody else has the seat."""
+        """`changed` is called when another browser has the seat."""
         super().__init__(REQUESTS.values(), FRESH)
         self.reached = True
         """What operators want is passed on to the run."""
@@ -165,13 +165,13 @@ class PageSeats(Seats):
         self._changed()
 
     def lose_run(self, now: float) -> None:
-        """Nothing is passed on any more: nobody drives."""
+        """Nothing is passed on any more: no operator drives."""
         self.reached = False
         if self.owner is not None:
             self._leave("lost", now, "the run takes nothing from the page")
 
     def stop(self, who: str, press: StopPress, now: float) -> None:
-        """Somebody who paired presses Stop; the second way of the same press changes nothing.
+        """A paired browser presses Stop; the second message of the same press changes nothing.
 
         It is kept for a run that is not reached yet.
         """
@@ -193,12 +193,12 @@ class PageSession(LinkSession):
     """One page, as long as it is connected."""
 
     def __init__(self, end: PageSeats, who: str, now: float, send: Send) -> None:
-        """`who` it is, for people; `send` has it told something, and never waits."""
+        """`who` is its name for people; `send` sends it a message, and never waits."""
         super().__init__(end, who, now)
         self._seats, self._send = end, send
 
     def receive(self, text: str | bytes, now: float) -> None:
-        """Take what it says at `now` [s]."""
+        """Take its message at `now` [s]."""
         if self.closing or not self._may_be_read(now):
             if self._dropped:
                 self._seats.tell("NET-10", f"{self.who}: {self._dropped} messages dropped unread", now)
@@ -211,7 +211,7 @@ class PageSession(LinkSession):
             self._part(now, "it sent what cannot be read")
 
     def tell(self, message: dict[str, Any]) -> None:
-        """Have it told something."""
+        """Send it a message."""
         self._send(message)
 
     def left(self, now: float) -> None:
@@ -219,7 +219,7 @@ class PageSession(LinkSession):
         self._seats.disconnected(self, now)
 
     def beat(self, status: bytes, now: float) -> None:
-        """Send a sign of life to who has the seat."""
+        """Send a sign of life to the browser in the seat."""
         age, round_trip = self.newest
         self._send({"t": "beat", "n": self._count_beat(now), "age": age, "trip": round_trip})
 
@@ -238,7 +238,7 @@ class PageSession(LinkSession):
             case Hold() if self._seats.owner is self:
                 if self._is_new(wanted.seq, now):
                     self._take(_command(wanted), now)
-            case Hold():  # on its way when the seat was lost
+            case Hold():  # in transit when the seat was lost
                 pass
             case PosePress() | AnswerPress() | ZoneChange():
                 if self._seats.owner is not self:
@@ -247,7 +247,7 @@ class PageSession(LinkSession):
                     self._act(wanted, now)
 
     def _act(self, wanted: Act, now: float) -> None:
-        """Pass on what who has the seat wants besides driving, as long as it is as young as a command has to be."""
+        """Pass on requests of the browser in the seat, while they are as young as a command must be."""
         sent = self._sent(wanted.beat)
         if now - sent > self._seats.fresh:
             self._answer("it came too late: do it again")
@@ -261,7 +261,7 @@ class PageSession(LinkSession):
                 self._seats.change_zones(wanted, self._answer)
 
     def _answer(self, why: str) -> None:
-        """Say that an act was refused, and why; empty: it is done."""
+        """Answer why a request was refused; empty: it is done."""
         self._send({"t": "act", "why": why})
 
     def _take_seat(self, name: str, now: float) -> None:
@@ -283,7 +283,7 @@ class PageSession(LinkSession):
     def _part(self, now: float, why: str) -> None:
         self._send({"t": "parted", "why": why})
         self._seats.disconnected(self, now, why)
-        self.closing = not why.startswith("nothing was heard")
+        self.closing = not why.startswith("nothing was received")
 
 
 def _command(given: Hold) -> SentCommand:

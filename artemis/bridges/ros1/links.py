@@ -21,9 +21,9 @@ from artemis.bridges.ros1.tcpros import (
 from artemis.bridges.ros1.xmlrpc import BROKEN, PATIENCE, CallError, call
 
 MOST_MESSAGE = 1 << 14
-"""Bytes of a message that is heard: commands are small, and a tick may have to read many."""
+"""Bytes of a message that is read: commands are small, and a tick may have to read many."""
 MOST_PUBLISHERS = 64
-"""Publishers of a topic that are heard; of more the first."""
+"""Publishers of a topic that are read; of more the first."""
 MOST_KNOWN = 1024
 """Publishers of a topic that are remembered, also when they have left."""
 AT_ONCE, APART = 1 << 18, 0.005
@@ -33,7 +33,7 @@ AGAIN = 1.0
 
 
 class Publication:
-    """A topic of ours, and who hears it."""
+    """A topic of ours, and its subscribers."""
 
     def __init__(
         self, topic: str, type: str, md5: str, definition: str, *, latched: bool = False, queue: int = QUEUE
@@ -58,7 +58,7 @@ class Publication:
         return self._gone + sum(link.dropped for link in self.links)
 
     def refusal(self, fields: Mapping[str, str]) -> str:
-        """Why a subscriber with this header cannot hear it; empty: it can."""
+        """Why a subscriber with this header cannot receive it; empty: it can."""
         type, md5 = fields.get("type", "*"), fields.get("md5sum", "")
         if type not in ("*", self.type) or md5 not in ("*", self.md5):
             return f"{self.topic} is {self.type} with md5sum {self.md5}, and {type} with {md5} was asked for"
@@ -123,7 +123,7 @@ class TcpRosServer:
             writer.write(pack_header({"error": refusal}))
             return
         sending = asyncio.ensure_future(publication.serve(self._node, fields, writer))
-        try:  # a subscriber says nothing more: what ends is that it leaves
+        try:  # a subscriber sends nothing more: reading ends when it leaves
             while await reader.read(1 << 12):
                 pass
         finally:
@@ -150,7 +150,7 @@ class TcpRosServer:
 
 
 class Subscription:
-    """A topic of others that is heard."""
+    """A topic of others that is read."""
 
     def __init__(
         self,
@@ -161,25 +161,25 @@ class Subscription:
         take: Callable[[bytes, str], object],
         leave: Callable[[str], object] | None = None,
     ) -> None:
-        """Hear nobody yet.
+        """Read no publisher yet.
 
         Args:
-            node: who hears.
+            node: the subscriber.
             topic: absolute.
             type: as ROS 1 writes it.
             md5: of the type.
-            take: is given each message and who sent it.
+            take: called with each message and its sender.
             leave: is told who sent it of a message that a publisher had kept for whoever connects, and that may be an
                 old one: all but what a publisher says which has just come; None: `take` is given these, too.
         """
         self.topic, self.type, self._node, self._md5, self._take = topic, type, node, md5, take
         self._leave = leave
         self.registered = False
-        """The master has told who was there before; who comes to be known from now on has just come."""
+        """The master has reported the earlier publishers; one that becomes known from now on is new."""
         self.connected: list[str] = []
-        """URIs of the publishers that are heard at present."""
+        """URIs of the publishers that are being read."""
         self.problem = ""
-        """Why the newest publisher that is not heard is not."""
+        """Why the newest publisher that is not read is not."""
         self._links: dict[str, asyncio.Task[None]] = {}
         self._wanted: set[str] = set()
         self._known: dict[str, None] = {}
@@ -198,11 +198,11 @@ class Subscription:
         return [self._hear(uri, new=new) for uri, new in begun.items()]
 
     def close(self) -> None:
-        """Hear nobody any more."""
+        """Read no publisher any more."""
         self.meet([])
 
     async def _hear(self, uri: str, *, new: bool) -> None:
-        """Hear one publisher for as long as it is one; it is `new`: what it has to say was not said before it came."""
+        """Read one publisher while it exists; `new`: none of its messages is older than its connection."""
         task = asyncio.current_task()
         assert task is not None
         if (before := self._links.get(uri)) is not None:

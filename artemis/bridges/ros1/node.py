@@ -29,7 +29,7 @@ class RosNode:
     """One node. Its topics and services are made before `run`.
 
     Attributes:
-        problem: Why it is not heard at present; empty: it is.
+        problem: Why it is not reachable; empty: it is.
         replaced: Another node took its name; it takes no further part.
     """
 
@@ -54,7 +54,7 @@ class RosNode:
         self._shutdown = asyncio.Event()
         self._tasks = BackgroundTasks()
         self._updated: set[str] = set()
-        """Topics of whose publishers the master has told since this node asked."""
+        """Topics whose publishers the master has reported since this node asked."""
 
     # ------------------------------------------------------------------------------------------ before it runs
 
@@ -70,7 +70,7 @@ class RosNode:
         take: Callable[[bytes, str], object],
         leave: Callable[[str], object] | None = None,
     ) -> Subscription:
-        """Hear a topic: `take` is called with each message and the node that sent it; `leave`: as of `Subscription`."""
+        """Subscribe to a topic: `take` is called with each message and its node; `leave`: as of `Subscription`."""
         subscription = self.subscriptions[topic] = Subscription(self.name, topic, type, md5, take, leave)
         return subscription
 
@@ -183,7 +183,7 @@ class RosNode:
         return [_DONE, "", 0]
 
     def _shut_down(self, caller: str, reason: str = "") -> list[Any]:
-        """The master says so when another node registers under the name; `rosnode kill` does, too."""
+        """The master reports it when another node registers under the name; `rosnode kill` does, too."""
         self.replaced, self.problem = True, f"shut down by {caller or 'another node'}: {reason}"
         self._shutdown.set()
         return [_DONE, "", 0]

@@ -1,4 +1,4 @@
-"""What a mission says of a node of ROS 1, and what variables add (wiki.ros.org/ROS/EnvironmentVariables)."""
+"""Settings of a node of ROS 1 in a mission, and the environment variables (wiki.ros.org/ROS/EnvironmentVariables)."""
 
 from __future__ import annotations
 
@@ -46,8 +46,8 @@ class NodeConfig(Config):
     master: Annotated[str, AfterValidator(check_master)] | None = None
     """If left out: ROS_MASTER_URI, or http://localhost:11311."""
     listen: ListenAddress = "127.0.0.1"
-    """The address of this computer at which other nodes reach artemis; 0.0.0.0: any. Others are told ROS_HOSTNAME or
-    ROS_IP, if this is not the loopback address. Who reaches it hears everything, and drives where an input is."""
+    """The address of this computer at which other nodes reach artemis; 0.0.0.0: any. Other nodes get ROS_HOSTNAME or
+    ROS_IP, if this is not the loopback address. Programs that reach it receive all, and drive by an input."""
 
     default_node: ClassVar[str] = "artemis"
     """The node's name, if the mission has none; {} is the plugin's."""
@@ -67,7 +67,7 @@ class NodeConfig(Config):
         return names, master
 
     def places(self, plugin: str) -> Sequence[TakenPlace]:
-        """A master knows a node only once: the one that was there is told to leave."""
+        """A master knows a node only once: the earlier one is asked to leave."""
         try:
             names, master = self._resolved(plugin, os.environ)
         except ConfigError:  # that is complained of elsewhere
@@ -83,7 +83,7 @@ class NodeConfig(Config):
             raise ConfigError(f"{plugin}: {error}") from None
 
     def host(self, environment: Mapping[str, str], this: str) -> str:
-        """The name or address that others are told; `this` computer's name, if it listens at any address."""
+        """The name or address that others get; `this` computer's name, if it listens at any address."""
         listening = ip_address(self.listen)
         if listening.is_loopback:
             return self.listen

@@ -50,7 +50,7 @@ def framed(data: bytes) -> bytes:
 
 
 async def read_block(reader: asyncio.StreamReader, most: int) -> bytes:
-    """Bytes whose length stands in front of them.
+    """Bytes preceded by their length.
 
     Raises:
         ValueError: they are more than `most`.
@@ -63,7 +63,7 @@ async def read_block(reader: asyncio.StreamReader, most: int) -> bytes:
 
 
 class NewestBlock:
-    """The newest of the blocks in a stream of bytes: who sends a thousand in a moment is heard once."""
+    """The newest of the blocks in a stream of bytes: of a thousand in a moment one is read."""
 
     def __init__(self, most: int) -> None:
         """`most`: longest block [bytes]."""

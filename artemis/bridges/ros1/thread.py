@@ -47,7 +47,7 @@ class NodeThread(LoopThread):
 
     @property
     def problem(self) -> str:
-        """Why the node is not heard at present; empty: it is."""
+        """Why the node is not reachable; empty: it is."""
         if self._closed or self._thread.is_alive():
             return self.node.problem
         return self.node.problem or "it has ended"

@@ -22,14 +22,14 @@ BROKEN = (OSError, asyncio.IncompleteReadError, asyncio.LimitOverrunError, Timeo
 
 
 class CallError(Exception):
-    """A call without an answer; says why."""
+    """A call without an answer, with the reason."""
 
 
 async def call(uri: str, method: str, *arguments: Any) -> Any:  # noqa: ANN401 (whatever the other end says)
     """The value that the method of the server at `uri` returns.
 
     Raises:
-        CallError: nobody answers there in time, or with a fault.
+        CallError: there is no answer in time, or a fault.
     """
     try:
         async with asyncio.timeout(PATIENCE):

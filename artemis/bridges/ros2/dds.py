@@ -75,11 +75,11 @@ MOST = 64
 APART = 0.005
 """Between two looks what has arrived [s]: of a flood of commands the newest is passed on."""
 HELD_UP = 0.15
-"""A look that is so long after the one before is late [s]: this process, or a run that does not read, was held up."""
+"""A look this long after the one before is late [s]: this process was delayed, or the run does not read."""
 MOST_MESSAGE = 1 << 14
 """Bytes of a message that is passed on: commands are small, and a tick may have to read many."""
 LAST_WORDS = 0.3
-"""The others have so long to take that it leaves [s]."""
+"""Time for other participants to take the message that it leaves [s]."""
 RELIABILITY, DURABILITY = 11, 2
 _ATTACH_FILTER, _NETWORK_HEADER, _INSTRUCTION = 26, 0xFFF00000, struct.Struct("HBBI")
 """SO_ATTACH_FILTER and SKF_NET_OFF of Linux, and a sock_filter."""
@@ -172,7 +172,7 @@ class DdsNode:
             self.dropped += 1
 
     def take(self, number: int) -> list[tuple[int, bytes]]:
-        """What arrived at the reader with that number, the oldest first: who sent it, and the message."""
+        """What arrived at the reader with that number, the oldest first: sender and message."""
         taken = ddspy_take(self.readers[number]._ref, self._conditions[number].mask, MOST)
         valid = [(info.publication_handle, data) for data, info in taken if info.valid_data]
         if any(len(data) > MOST_MESSAGE for _, data in valid):
@@ -189,7 +189,7 @@ class DdsNode:
         )
 
     def close(self) -> None:
-        """Tell the others that it leaves. DDS' own word for that is not taken by all: they miss it after 10 s."""
+        """Announce that it leaves. Not all take the message of DDS for that: they notice after 10 s."""
         self._tell(there=False)
         with suppress(DDSException):
             self._information.wait_for_acks(duration(milliseconds=round(LAST_WORDS * 1000)))
@@ -219,7 +219,7 @@ class DdsNode:
         return DataReader(self._participant, topic, quality(endpoint))
 
     def _tell(self, *, there: bool = True) -> None:
-        """Tell what `ros2 node list` and `ros2 topic info -v` show; not `there`: that the node has gone."""
+        """Publish what `ros2 node list` and `ros2 topic info -v` show; not `there`: that the node has left."""
         (_, (_, length)), *_ = self._parts.types[_GID]
         gid = self._types[_GID]
 
@@ -243,7 +243,7 @@ def asked_more(policy: int) -> str:
 
 
 def keep_to(address: str) -> None:
-    """Have this process' UDP sockets take what `address_filter` says: Cyclone binds them to every address.
+    """Have this process' UDP sockets use the filter of `address_filter`: Cyclone binds them to every address.
 
     Raises:
         OSError: the system does not do that.

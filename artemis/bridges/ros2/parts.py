@@ -2,7 +2,7 @@
 
 Both ends have a connection on which blocks of bytes go over. To the process: first a `NodeParts`, then messages, each
 behind the number of its writer. From it: a letter, then `NodeState`, `NodeFailure` or a message of a reader, behind the
-number of the reader, that of who sent it, and when it arrived [s], by `clock.stopwatch`.
+number of the reader, that of its sender, and when it arrived [s], by `clock.stopwatch`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ WRITER = struct.Struct("<H")
 READER = struct.Struct("<HQd")
 STATE, FAILURE, MESSAGE = b"s", b"f", b"m"
 INFORMATION = "rmw_dds_common/msg/ParticipantEntitiesInfo"
-"""The type by which a node says what it has."""
+"""The type by which a node lists its topics and services."""
 
 
 class Endpoint(Struct, frozen=True):
@@ -27,11 +27,11 @@ class Endpoint(Struct, frozen=True):
     """Absolute, as ROS writes it."""
     type: str
     hash: str
-    """Empty: it is not told."""
+    """Empty: it is not published."""
     reliable: bool
     latched: bool
     depth: int
-    """So many of the newest messages are kept for a slow reader, and for one that comes later if it is latched."""
+    """Number of the newest messages that are kept for a slow reader, and for one that comes later if it is latched."""
 
 
 class NodeParts(Struct, frozen=True):
@@ -59,9 +59,9 @@ class NodeState(Struct, frozen=True):
     heard: list[int]
     """How many readers each writer has."""
     senders: list[int]
-    """How many writers each reader hears."""
+    """Number of writers that each reader is matched with."""
     refused: list[str]
-    """Peers whose quality of service does not fit, in words: each once."""
+    """Peers whose quality of service does not match, as texts: each once."""
     dropped: int
     """Messages that readers did not take in time."""
 

@@ -1,4 +1,4 @@
-"""The process of a node of ROS 2, seen from the run: started, heard, and started again if it ends."""
+"""The process of a node of ROS 2, seen from the run: started, read, restarted if it ends."""
 
 from __future__ import annotations
 
@@ -79,9 +79,9 @@ class NodeProcess(KeptProcess):
     def subscribe(
         self, topic: str, type: str, take: Callable[[bytes, str], object], *, reliable: bool = True, depth: int = 10
     ) -> int:
-        """Hear a topic: `take` is called in a thread, with each message and who sent it.
+        """Subscribe to a topic: `take` is called in a thread, with each message and its sender.
 
-        `reliable`: what is lost is sent again; who publishes at best effort is refused.
+        `reliable`: what is lost is sent again; best-effort publishers are refused.
         """
         self._readers.append(self._endpoint(topic, type, reliable, False, depth))
         self._takers.append(take)
@@ -128,7 +128,7 @@ class NodeProcess(KeptProcess):
                 self._send(WRITER.pack(number) + data)
 
     def heard(self, number: int) -> int:
-        """How many programs hear the topic with that number."""
+        """Number of programs that read the topic with that number."""
         heard = self.state.heard
         return heard[number] if heard else 0
 
@@ -138,7 +138,7 @@ class NodeProcess(KeptProcess):
         return self._dropped + self.state.dropped
 
     def senders(self, number: int) -> int:
-        """How many programs are heard on the topic with that number."""
+        """Number of programs that publish on the topic with that number."""
         senders = self.state.senders
         return senders[number] if senders else 0
 

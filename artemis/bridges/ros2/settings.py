@@ -1,4 +1,4 @@
-"""What a mission says of a node of ROS 2, and what variables of ROS add."""
+"""Settings of a node of ROS 2 in a mission, and the environment variables of ROS."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MOST_DOMAIN = 232
 MOST_INDEX = 99
 """Programs on a computer that are looked for; each has two ports of the domain."""
 ANNOUNCED = 0.5
-"""Where nobody is reached by multicast each port is asked this often [s]."""
+"""If multicast reaches no participant, each port is asked at this interval [s]."""
 _BASE, _PER_DOMAIN, _UNICAST = 7400, 250, 10
 
 
@@ -63,8 +63,8 @@ class Ros2NodeConfig(Config):
     distribution: Distribution | None = None
     """That of the other programs; if left out: ROS_DISTRO, or jazzy."""
     listen: Annotated[str, AfterValidator(check_ipv4)] = "127.0.0.1"
-    """The address of this computer at which other nodes reach artemis, and by whose network it finds them. Who reaches
-    it hears everything, and drives where an input is."""
+    """The address of this computer at which other nodes reach artemis, and by whose network it finds them. Programs
+    that reach it receive everything, and drive if there is an input."""
 
     def names(self, default: str) -> NameResolver:
         """Resolves the node's names; `default` is the node's, if the mission has none."""

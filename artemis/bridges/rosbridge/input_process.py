@@ -1,4 +1,4 @@
-"""The process of an input `rosbridge`: whatever clients say there, and however much, no tick waits for it.
+"""The process of an input `rosbridge`: no tick waits for its clients, whatever they send.
 
 It understands what arrives, and hands the newest on: at most 200 times a second, a stop at once.
 """
@@ -29,7 +29,7 @@ APART = 0.005
 """Between two times that what arrived is handed on [s]."""
 _ENCODE = msgspec.msgpack.Encoder().encode
 Answer = tuple[list[int], bool, str]
-"""Numbers of calls, whether what they ask for has an effect, and words."""
+"""Numbers of calls, whether the requests have an effect, and texts."""
 
 
 class InputSetup(Struct, frozen=True):
@@ -107,7 +107,7 @@ class InputServer:
             self._ended.set()
 
     def _obey(self) -> None:
-        """Answer calls as the run says."""
+        """Answer calls with the results of the run."""
         with suppress(EOFError, OSError):
             while True:
                 answer = msgspec.msgpack.decode(self._connection.recv_bytes(), type=Answer)

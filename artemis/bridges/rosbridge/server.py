@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 MOST_CLIENTS = 32
 """Of a server; one that observers relay their clients to takes as many relays besides."""
 MOST_MESSAGE = 1 << 12
-"""Bytes that a client may say at once: commands are small."""
+"""Bytes of a client's message: commands are small."""
 RATE, BURST = 200.0, 200.0
-"""What a client may say in a second, and at once [messages]: who says more is closed."""
+"""Messages of a client in a second, and at once: a client that sends more is disconnected."""
 KEPT_OUT = 1.0
-"""From its address nobody connects for so long then [s]."""
+"""Its address is refused for this time then [s]."""
 ALIVE = 5.0
-"""A client that does not answer for so long is gone [s]."""
+"""A client without an answer for this time is regarded as gone [s]."""
 _TRY_AGAIN, _TOO_MUCH = 1013, 1008
 
 
@@ -124,7 +124,7 @@ class RosbridgeServer(LoopThread):
         connections = 2 * self._most
 
         class Bounded(ServerConnection):
-            """Closed at once where too many are no clients yet, or one from there has just said too much."""
+            """Closed at once where too many are no clients yet, or one from there has just sent too much."""
 
             def connection_made(self, transport: asyncio.BaseTransport) -> None:
                 super().connection_made(transport)
@@ -226,7 +226,7 @@ class _Relay:
                 await self._connect()
 
     async def take(self, text: str | bytes, session: ClientSession) -> None:
-        """Pass on what a client says."""
+        """Pass on the messages of a client."""
         from websockets.exceptions import WebSocketException
 
         try:

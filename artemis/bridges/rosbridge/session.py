@@ -1,7 +1,7 @@
 """What one client of rosbridge may send, and what is sent to it: protocol version 2, on no connection yet.
 
 The protocol is that of github.com/RobotWebTools/rosbridge_suite, ROSBRIDGE_PROTOCOL.md. There is no compression, no
-fragment, no authentication: who asks for one is refused by name.
+fragment, no authentication: such a request is refused by name.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Message = dict[str, Any]
 
 @dataclass(slots=True)
 class Outgoing:
-    """A topic that clients may hear."""
+    """A topic that clients may subscribe to."""
 
     type: str
     latched: bool = False
@@ -52,7 +52,7 @@ class Offer:
     early: Mapping[str, Callable[[str], str]] = field(default_factory=dict)
     """Topics and services that have no effect on a connection younger than `SETTLED`: what makes a refusal of why."""
     elsewhere: str = ""
-    """URL of what takes what is neither heard nor served here; empty: nothing does."""
+    """URL of a server for topics and services that are not here; empty: none."""
 
 
 @dataclass(slots=True)
@@ -74,7 +74,7 @@ class _Subscription:
 
 
 class Refused(ValueError):
-    """What a client wants cannot be: it is sent these words."""
+    """A request of a client is impossible: it gets this text."""
 
 
 class ClientSession:
@@ -116,11 +116,11 @@ class ClientSession:
 
     @property
     def subscribed(self) -> set[str]:
-        """Names of the topics that it hears."""
+        """Names of the topics that it subscribed to."""
         return set(self._subscribed)
 
     def take(self, text: str | bytes, now: float) -> bool:
-        """Do what the client says at time `now` [s]; False: it is for those elsewhere."""
+        """Do what the client requests at time `now` [s]; False: it is for those elsewhere."""
         message: Message = {}
         try:
             try:
@@ -275,7 +275,7 @@ class ClientSession:
     def _heard(self, topic: str, type: str = "") -> tuple[str, Callable[[bytes, str], str]]:
         if (known := self._offer.heard.get(topic)) is None:
             there = ", ".join(sorted(self._offer.heard)) or "none"
-            raise Refused(f"{topic} is not heard here; topics that are: {there}")
+            raise Refused(f"{topic} is not accepted here; topics that are: {there}")
         if type and known[0] != type:
             raise Refused(f"{topic} is {known[0]}, and {type} was advertised")
         return known

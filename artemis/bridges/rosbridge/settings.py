@@ -1,4 +1,4 @@
-"""What a mission says of a server of rosbridge."""
+"""Settings of a server of rosbridge in a mission."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ INSTALL = "pip install 'artemis-robot[web]'"
 
 
 def check_origin(origin: str) -> str:
-    """What a browser says of a page: where it is from.
+    """The origin of a page, as a browser sends it.
 
     Raises:
         ValueError: it is nothing of that kind.
@@ -33,12 +33,12 @@ class ServerConfig(Config):
     """Keys of a plugin that is a server of rosbridge."""
 
     listen: ListenAddress = "127.0.0.1"
-    """The address of this computer at which others reach artemis; 0.0.0.0: any. Who reaches it hears everything, and
-    drives where an input is."""
+    """The address of this computer at which others reach artemis; 0.0.0.0: any. Programs that reach
+    it receive everything, and drive if there is an input."""
     origins: Annotated[tuple[Annotated[str, AfterValidator(check_origin)], ...], Field(strict=False)] = ()
     """Web pages that may connect, by where they are from, such as http://localhost:8000. Other programs always may."""
     ros: Literal[1, 2] = 2
-    """Whose names the parts of a time have: secs and nsecs of ROS 1, or sec and nanosec."""
+    """Field names of the parts of a time: secs and nsecs of ROS 1, or sec and nanosec."""
 
 
 class PortConfig(ServerConfig):
