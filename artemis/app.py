@@ -310,7 +310,7 @@ def run_mission(
     """
     parts, simulated = parts or Parts(), is_simulated(loaded, simulate)
     check_drivable(loaded, source, simulated)
-    loop = parts.loop or (clock.SimulatedLoop if is_fast(loaded, simulated) else asyncio.SelectorEventLoop)
+    loop = parts.loop or (clock.SimulatedLoop if is_fast(loaded, simulated) else clock.RealTimeLoop)
     virtual = issubclass(loop, clock.SimulatedLoop)
     injector = loaded.injector if simulated else None
     plan = parts.plan or plan_for(loaded, simulated, resume_point)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import logging
+import weakref
 from collections.abc import Coroutine
 from typing import Any
 
 import pytest
 
-from artemis.clock import run, stopwatch, until, wall_date
+from artemis.clock import RealTimeLoop, run, stopwatch, until, wall_date
 
 
 def simulate(main: Coroutine[Any, Any, None]) -> None:
@@ -128,3 +130,40 @@ def test_date_on_the_wall_is_in_utc() -> None:
     offset = wall_date().utcoffset()
     assert offset is not None
     assert not offset
+
+
+class Node:
+    """Refers to itself, so that only a garbage collection frees it."""
+
+    def __init__(self) -> None:
+        self.itself = self
+
+
+def test_no_collection_in_real_time_looks_at_what_was_loaded_before() -> None:
+    """A full one would hold the loop up for longer than a robot may be without commands."""
+    loaded = [Node() for _ in range(50_000)]
+
+    async def main() -> int:
+        return len(gc.get_objects())  # those that the next full collection looks at
+
+    assert run(main(), simulated=False) < 5_000
+    assert all(node.itself is node for node in loaded)
+
+
+def test_garbage_is_collected_before_and_in_real_time_also_what_an_earlier_loop_kept() -> None:
+    def garbage() -> weakref.ref[Node]:
+        return weakref.ref(Node())
+
+    kept = Node()
+    with asyncio.Runner(loop_factory=RealTimeLoop) as runner:
+
+        async def main() -> None:
+            inside = garbage()
+            gc.collect()
+            assert inside() is None
+
+        runner.run(main())
+    earlier = weakref.ref(kept)
+    del kept
+    RealTimeLoop().close()
+    assert earlier() is None
