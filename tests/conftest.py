@@ -37,6 +37,7 @@ SKIPPED_IN_CI = ("/dev/u", "vcan0", TOO_BUSY, "ARTEMIS_SLAM_DATA", "root reads",
 """Parts of the reasons for which the continuous integration may skip a test: hardware, the load, data that may
 not be copied, and programs whose sources are fetched from their authors."""
 
+settings.register_profile("few", settings.default, deadline=None, max_examples=5)
 settings.register_profile("short", settings.default, deadline=None, max_examples=40)
 settings.register_profile("exhaustive", settings.default, deadline=None, max_examples=200)
 

@@ -33,7 +33,7 @@ def main() -> int:
         rules = Path(folder) / "rules"
         rules.write_text(RULES.format(folder=folder, modules="\n    ".join(modules)))
         measure = [sys.executable, "-m", "coverage", "run", f"--rcfile={rules}", "-m"]
-        how = ["-n", str(os.cpu_count()), "-q", "-m", "not exhaustive"]
+        how = ["-n", str(os.cpu_count()), "-q", "-m", "not exhaustive", "--hypothesis-profile=few"]
         status = subprocess.run([*measure, "pytest", *how, *tests], check=False).returncode
         measured = coverage.Coverage(config_file=str(rules))
         measured.combine()

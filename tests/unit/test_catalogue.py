@@ -53,13 +53,8 @@ def written_rows() -> list[str]:
 
 
 def ids_in(paths: list[Path]) -> set[str]:
-    """Every fault id that stands as a string in these files."""
-    return {
-        node.value
-        for path in paths
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and ID.fullmatch(node.value)
-    }
+    """Every fault id that is a string of these files."""
+    return {id for path in paths for id in re.findall(f'"({ID.pattern})"', path.read_text(encoding="utf-8"))}
 
 
 @cache
