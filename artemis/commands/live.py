@@ -143,7 +143,7 @@ class LiveView:
         before, self._verdict = self._verdict, verdict
         old, new = _by_key(before), _by_key(verdict)
         for key, fault in new.items():
-            if key not in old:
+            if key not in old or fault.severity > old[key].severity:
                 self._explain(time, fault)
         for key, fault in old.items():
             if key not in new:
@@ -155,7 +155,7 @@ class LiveView:
         """What failed, where to look, what artemis did, what to do next."""
         row = ROWS[fault.id]
         self._say(time, "FAULT", f"{fault.id} {fault.text}", _severity_colour(fault))
-        told = {"look": row.advice, "artemis": DID.get(fault.severity, ""), "next": next_step(row, fault.final)}
+        told = {"look": row.advice, "artemis": DID.get(fault.severity, ""), "next": next_step(row, fault.severity, fault.final)}
         for label, text in told.items():
             if text:
                 self._lines.append(self._styled(f"{label:>{_MARGIN}}  {text}", _DIM))

@@ -343,7 +343,7 @@ def _fault(fault: Fault) -> Part:
         "severity": int(fault.severity),
         "look": row.advice,
         "artemis": DID.get(fault.severity, ""),
-        "next": next_step(row, fault.final),
+        "next": next_step(row, fault.severity, fault.final),
     }
 
 

@@ -29,8 +29,10 @@ _NEXT = {
 NEVER = "not in this run: fix the cause, then continue with --resume"
 
 
-def next_step(row: Row, final: bool) -> str:
-    """How it goes on after a fault; `final`: it came once too often."""
+def next_step(row: Row, severity: Severity, final: bool) -> str:
+    """What the operator has to do about a fault; `final`: it came once too often."""
+    if severity is Severity.WARN and row.recovery.kind is not Kind.ITSELF:
+        return "fix the cause before the next run"
     return NEVER if final else _NEXT.get(row.recovery.kind, NEVER)
 
 
@@ -44,7 +46,7 @@ def explained(entries: Sequence[Entry]) -> list[tuple[str, str, str, str, str]]:
         if row is not None:
             severity = Severity[entry.data["severity"]] if "severity" in entry.data else row.severity
             what = entry.text + (f" ({times[entry.text]} times)" if times[entry.text] > 1 else "")
-            then = next_step(row, entry.data.get("recovery") == Kind.NEVER.value)
+            then = next_step(row, severity, entry.data.get("recovery") == Kind.NEVER.value)
             rows.append((f"{entry.time:.2f}", what, row.advice, DID.get(severity, ""), then))
     return rows[::-1]
 

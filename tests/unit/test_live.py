@@ -124,6 +124,26 @@ def test_a_fault_that_came_once_too_often_says_that_this_run_is_over(capsys: pyt
     assert lines[3] == "                 next  not in this run: fix the cause, then continue with --resume"
 
 
+def test_a_fault_that_became_worse_is_explained_again(capsys: pytest.CaptureFixture[str]) -> None:
+    warning = Fault(id="DSK-02", severity=Severity.WARN, text="recording.mcap: full")
+    worse = replace(warning, severity=Severity.CONTROLLED_STOP, text="journal.jsonl: full")
+    lines = said(capsys, tick(), tick(faults=(warning,)), tick(faults=(worse,)), tick(faults=(worse,)))
+    assert [line[12:] for line in lines if "FAULT" in line] == [
+        "FAULT      DSK-02 recording.mcap: full",
+        "FAULT      DSK-02 journal.jsonl: full",
+    ]
+    assert [line.strip() for line in lines if "artemis  " in line] == [
+        "artemis  nothing: the run continues",
+        "artemis  controlled stop, drives stay on",
+    ]
+
+
+def test_a_warning_asks_for_no_acknowledgment(capsys: pytest.CaptureFixture[str]) -> None:
+    """An observer's failure, whose row stops the robot for other plugins."""
+    failed = Fault(id="PLG-01", severity=Severity.WARN, text="page: it failed")
+    assert said(capsys, tick(), tick(faults=(failed,)))[-1].strip() == "next  fix the cause before the next run"
+
+
 def test_a_stale_set_point_that_was_cleared_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     cleared = JobResult(id=1, kind=JobKind.CLEAR_TARGET, drive="traction-left", ok=True, values=(250,))
     lines = said(capsys, tick(1.0, results=(cleared,)))

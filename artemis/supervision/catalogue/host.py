@@ -171,8 +171,8 @@ HOST: dict[str, Row] = {
         _EDGE,
         WARN,
         ITSELF,
-        "the recording stopped: no space left on the disk",
-        "free space; the journal continues",
+        "the disk is full, not everything is recorded",
+        "free space on it",
         within=1.0,
     ),
     "DSK-03": Row(
@@ -189,8 +189,8 @@ HOST: dict[str, Row] = {
         _EDGE,
         WARN,
         ITSELF,
-        "the recording stopped: the disk fails",
-        "another disk; the journal continues if it can",
+        "the disk fails, not everything is recorded",
+        "record on another disk",
         within=1.0,
     ),
     "PWR-01": Row(
