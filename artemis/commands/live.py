@@ -155,7 +155,11 @@ class LiveView:
         """What failed, where to look, what artemis did, what to do next."""
         row = ROWS[fault.id]
         self._say(time, "FAULT", f"{fault.id} {fault.text}", _severity_colour(fault))
-        told = {"look": row.advice, "artemis": DID.get(fault.severity, ""), "next": next_step(row, fault.severity, fault.final)}
+        told = {
+            "look": row.advice,
+            "artemis": DID.get(fault.severity, ""),
+            "next": next_step(row, fault.severity, fault.final),
+        }
         for label, text in told.items():
             if text:
                 self._lines.append(self._styled(f"{label:>{_MARGIN}}  {text}", _DIM))

@@ -39,7 +39,8 @@ def replay_run(run: Path) -> int:
     if result.difference:
         sys.stdout.write(result.difference + "\n" + _versions(recording))
         return 1
-    sys.stdout.write(f"{result.ticks} ticks recomputed: every command equal, bit for bit\n")
+    of = f" of the {recording.number} ticks that are there" if result.ticks < recording.number else " ticks"
+    sys.stdout.write(f"{result.ticks}{of} recomputed: every command equal, bit for bit\n")
     return 0
 
 

@@ -259,7 +259,11 @@ def _result(outcome: Outcome, faults: Sequence[str], failure: str) -> str:
 
 
 def _numbers(found: Summary) -> list[tuple[str, str]]:
-    lines = [("recording", f"not whole: {found.missing}; the numbers below are up to there")] if found.missing else []
+    lines = (
+        [("recording", f"not whole: {found.missing}; the numbers below are of what could be read")]
+        if found.missing
+        else []
+    )
     lines.append(("distance", f"{found.distance:.2f} m, up to {found.max_speed:.2f} m/s"))
     for label, name, rms, worst in (
         ("cross-track", "estimated", found.cross_track_rms, found.cross_track_max),

@@ -59,25 +59,31 @@ class FileContents:
         self._unpacker = zstandard.ZstdDecompressor()
 
     def walk(self, stream: BufferedReader, *, thorough: bool) -> str | None:
-        """Collect everything whole; returns what is wrong with the rest.
+        """Collect everything whole, also behind a damaged chunk; returns what is wrong with the rest.
 
         `thorough`: all chunks are unpacked, checked and looked through. Else only those of the first and of the last
         ticks, in a fifth of the time; the ticks between are counted by the indexes, which is enough if it is `sure`.
         """
+        damage = None
         try:
             for opcode, content in whole_records(stream):
                 if opcode == Opcode.DATA_END:
                     if not thorough and read_record(DataEnd, content).data_section_crc and self._newest:
                         self._end_by_indexes()
-                    return None
-                self._see(opcode, content, stream.tell() - len(content), thorough)
+                    return damage
+                try:
+                    self._see(opcode, content, stream.tell() - len(content), thorough)
+                except DAMAGE as error:
+                    damage = damage or f"the file is damaged ({error})"
+                    if not thorough:
+                        return damage
         except InvalidMagic:
             return "not an MCAP file"
         except EndOfFile:
-            return "the file is cut off"
+            return damage or "the file is cut off"
         except DAMAGE as error:
-            return f"the file is damaged ({error})"
-        return "the file is cut off"
+            return damage or f"the file is damaged ({error})"
+        return damage or "the file is cut off"
 
     def _see(self, opcode: int, content: bytes, place: int, thorough: bool) -> None:
         if opcode == Opcode.METADATA:

@@ -243,8 +243,9 @@ class Recording:
         ticks = self._found
         time = (ticks.last_ns - self._start) / 1e9
         place = f"its last readable tick is {ticks.last}, at {time:.2f} s" if ticks.number else "no tick can be read"
-        parts = [f"{ticks.lost} ticks were not recorded, the first are {ticks.first_gap}"] if ticks.lost else []
-        parts += [f"{damage}; {place}"] if damage else []
+        lost = "are missing" if damage else "were not recorded"
+        parts = [f"{damage}; {place}"] if damage else []
+        parts += [f"{ticks.lost} ticks {lost}, the first are {ticks.first_gap}"] if ticks.lost else []
         return "; ".join(parts) or None
 
 

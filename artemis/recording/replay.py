@@ -20,9 +20,11 @@ class Replayed:
 
 
 def replay(recording: Recording, core: Core) -> Replayed:
-    """Recompute the ticks of `recording` with `core`, made from the same mission."""
+    """Recompute the ticks of `recording`, up to the first that is missing, with `core`, made from the same mission."""
     number = 0
     for number, recorded in enumerate(recording.ticks(), 1):
+        if recorded.snapshot.sensed.index >= number:
+            return Replayed(ticks=number - 1, difference=None)
         if found := differences(recorded, core.decide(recorded.snapshot.sensed)):
             return Replayed(ticks=number, difference=f"tick {number - 1} differs: {'; '.join(found)}")
     return Replayed(ticks=number, difference=None)

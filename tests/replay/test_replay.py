@@ -114,6 +114,20 @@ def test_every_command_of_a_run_is_recomputed_from_its_recording_bit_for_bit(tmp
     assert replay_run(seen.outcome.run.path) == 0
 
 
+def test_what_is_before_a_damaged_chunk_is_recomputed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    seen = done(tmp_path)
+    path, content = recorded(seen).path, bytearray(recorded(seen).path.read_bytes())
+    content[content.index(b"zstd", len(content) // 2) + 100] ^= 1
+    path.write_bytes(content)
+
+    damaged = recorded(seen)
+    assert 0 < damaged.number < len(seen.seen)
+    assert replay_run(path) == 0
+    told = capsys.readouterr().out
+    assert "the recording is not whole: the file is damaged" in told
+    assert f" of the {damaged.number} ticks that are there recomputed: every command equal" in told
+
+
 def test_a_mission_for_a_real_bus_that_is_simulated_replays_with_the_faults_of_its_follower(tmp_path: Path) -> None:
     bus = {"interface": "virtual", "channel": "replay"}
     seen = run(write_mission(tmp_path, STEPS, bus=bus, simulation={"faults": [{"at_s": 5.9, "inject": "PLG-02"}]}))

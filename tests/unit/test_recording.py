@@ -263,7 +263,7 @@ def test_a_recording_that_nobody_closed_is_read(tmp_path: Path) -> None:
     assert recording.missing == "the file is cut off; its last readable tick is 81, at 1.62 s"
 
 
-def test_a_flipped_bit_ends_what_is_whole(small: Path) -> None:
+def test_a_flipped_bit_costs_the_chunk_that_it_is_in(small: Path) -> None:
     content = bytearray(small.read_bytes())
     expected = list(Recording(small).ticks())
     place = content.index(b"zstd", content.index(b"zstd") + 1) + 100  # in the second chunk
@@ -272,10 +272,14 @@ def test_a_flipped_bit_ends_what_is_whole(small: Path) -> None:
 
     recording = Recording(small)
     ticks = list(recording.ticks())
-    assert 0 < len(ticks) < 30
-    assert ticks == expected[: len(ticks)]
+    there = {tick.snapshot.sensed.index for tick in ticks}
+    gap = sorted(set(range(30)) - there)
+    assert 0 < gap[0] <= gap[-1] < 29
+    assert ticks == [tick for tick in expected if tick.snapshot.sensed.index in there]
+    assert (recording.number, recording.last_tick()) == (len(ticks), expected[-1])
     assert recording.missing is not None
     assert "damaged" in recording.missing
+    assert f"; {len(gap)} ticks are missing, the first are {gap[0]} to {gap[-1]}" in recording.missing
 
 
 def test_a_flipped_bit_in_a_file_of_the_mission_is_noticed(small: Path) -> None:
