@@ -33,6 +33,7 @@ _NOT_UNDERSTOOD = (msgspec.DecodeError, ValueError, RecursionError)
 """What bytes raise that are not the JSON that they should be (not UTF-8, an unknown value: ValueError)."""
 _FRAMES, _LOG = msgspec.json.Decoder(schemas.Frames), msgspec.json.Decoder(schemas.Log)
 _Content = TypeVar("_Content")
+_NO_JOURNAL = "journal.jsonl is missing, empty, damaged or of another run: events are read from the recording's log"
 _PLACED = b'"reset_pose":true'
 """In the record of the tick in which the odometry gets its origin."""
 
@@ -58,7 +59,8 @@ class Recording:
         Raises:
             RecordingError: it cannot be read, is no recording of artemis, or ends before the run begins.
         """
-        self.path = path / "recording.mcap" if path.is_dir() else path
+        self._in_folder = path.is_dir()
+        self.path = path / "recording.mcap" if self._in_folder else path
         with self._opened() as stream:
             self._found, damage = contents_of(stream)
         self.attachments, metadata = self._found.attachments, self._found.metadata
@@ -184,8 +186,8 @@ class Recording:
 
     @property
     def incomplete(self) -> str | None:
-        """What is missing of the recording and of its journal; None: nothing."""
-        parts = self.missing, self.journal.missing if self.journal else None
+        """What is missing of the recording and, in a run folder, of its journal; None: nothing."""
+        parts = self.missing, self.journal.missing if self.journal else _NO_JOURNAL if self._in_folder else None
         return "; ".join(filter(None, parts)) or None
 
     def events(self) -> tuple[Entry, ...]:

@@ -222,5 +222,5 @@ def test_a_damaged_recording_is_reported(
         report(tmp_path, None, None, None, False, None)
     out = capsys.readouterr().out
 
-    (line,) = [line for line in out.splitlines() if "the recording is not whole" in line]
+    (line,) = [line for line in out.splitlines() if line.startswith(f"{tmp_path}: ")]
     assert line.startswith(f"{tmp_path}: the recording is not whole: the file is cut off; its last readable tick is ")

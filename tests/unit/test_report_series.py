@@ -241,6 +241,20 @@ def test_a_journal_that_is_not_whole_gives_way_to_a_whole_recording_and_is_named
     assert "journal.jsonl: line" in facts.missing
 
 
+@pytest.mark.parametrize("content", [None, b"", b"rubbish"])
+def test_a_run_folder_without_a_journal_that_can_be_read_says_so(tmp_path: Path, content: bytes | None) -> None:
+    synthetic_run.record(tmp_path / "recording.mcap", synthetic_run.run(fault_at=3.0))
+    if content is not None:
+        (tmp_path / "journal.jsonl").write_bytes(content)
+
+    facts = summary(Recording(tmp_path))
+
+    assert facts.faults == ("DRV-25 steer-left: following error <too large>",)
+    assert facts.missing is not None
+    assert facts.missing.startswith("journal.jsonl is missing, empty, damaged or of another run")
+    assert summary(Recording(tmp_path / "recording.mcap")).missing is None
+
+
 def test_the_journal_of_another_run_is_not_believed(tmp_path: Path) -> None:
     journal = Journal(tmp_path / "journal.jsonl")
     synthetic_run.record(tmp_path / "recording.mcap", synthetic_run.run(fault_at=3.0), journal=journal)
