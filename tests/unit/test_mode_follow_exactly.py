@@ -69,7 +69,7 @@ def test_a_path_may_take_twice_its_time_and_ten_seconds(speed: float | None, lon
     wish = stepped(mode, 2.0, 0.01)
     assert fault_of(wish) == ("PTH-08", "")
     assert wish.fault is not None
-    assert wish.fault.text.endswith(f"(1.50 m after {longest:.0f} s)")
+    assert wish.fault.text.endswith(f"(at 1.50 m of 4.00 m after {longest:.0f} s)")
 
 
 def test_each_part_of_a_path_has_ten_seconds_more() -> None:
