@@ -169,7 +169,8 @@ class FollowMode:
     def _overrun(self, tracking: Tracking, end: float, distance: float) -> Fault | None:
         """Under way for too long, or driven on after the end of a part; `distance`: of the robot [m]."""
         if self._spent > self._longest:
-            return catalogue.fault("PTH-08", "", f"at {tracking.arc_length:.2f} m of {tracking.length:.2f} m after {self._spent:.0f} s")
+            at = f"at {tracking.arc_length:.2f} m of {tracking.length:.2f} m"
+            return catalogue.fault("PTH-08", "", f"{at} after {self._spent:.0f} s")
         if end - tracking.arc_length > AT_END:
             self._over = None
             return None
