@@ -110,7 +110,7 @@ $(READY): pyproject.toml
 		echo "Install it, or name it: make PYTHON=/path/to/python3.11" >&2; \
 		exit 1; \
 	fi; \
-	echo "setting up $(VENV) with $$("$$python" --version) (once, about a minute)"; \
+	echo "setting up $(VENV) with $$("$$python" --version) (once, one to three minutes)"; \
 	"$$python" -m venv $(VENV)
 	@$(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check --no-compile --editable '.[$(EXTRAS)]'
 	@touch $@

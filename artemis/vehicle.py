@@ -65,7 +65,7 @@ class SupplySource(NamedTuple):
 class RobotFile(Config):
     """A whole robot file."""
 
-    robot: str
+    robot: Annotated[str, Field(min_length=1)]
     geometry: Geometry
     limits: Limits
     calibration: Calibration

@@ -113,6 +113,8 @@ def _write(folder: Path, texts: Mapping[str, str], *, force: bool) -> None:
     for place in {file.parent for file in made}:
         try:
             place.mkdir(parents=True, exist_ok=True)
+        except (FileExistsError, NotADirectoryError):
+            raise ConfigError(f"{place}: a file is where this folder has to be; name another folder") from None
         except OSError as error:
             raise ConfigError(f"{place}: cannot be made: {error.strerror}") from error
     write_files(made, force)
