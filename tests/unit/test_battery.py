@@ -112,6 +112,7 @@ class Plant:
         return round(volts + self.dice.gauss(0.0, 0.02), 1), drives, self.speed
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("seed", range(40))
 def test_the_range_is_right_within_a_tenth_from_half_charge_on(seed: int) -> None:
     plant = Plant(Random(seed))
@@ -133,6 +134,7 @@ def test_the_range_is_right_within_a_tenth_from_half_charge_on(seed: int) -> Non
     assert told[-1][2].joules == pytest.approx(plant.joules, rel=0.15)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(("rate", "seconds"), [(0.1, 7200), (0.3, 3600), (1.0, 1200), (0.0, 3600)])
 @pytest.mark.parametrize("seed", range(4))
 def test_a_charger_teaches_nothing_but_the_charge(seed: int, rate: float, seconds: int) -> None:
@@ -159,6 +161,7 @@ def test_a_charger_teaches_nothing_but_the_charge(seed: int, rate: float, second
         assert abs(state.range_m - (end - metres)) < 2.5 * state.range_std_m
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(("drives", "stands"), [(30, 10), (60, 60), (300, 150)])
 @pytest.mark.parametrize("seed", range(6))
 def test_the_range_is_right_within_a_tenth_where_driving_and_standing_take_turns(

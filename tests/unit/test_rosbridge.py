@@ -472,6 +472,7 @@ def test_so_many_clients_at_most(run: Run, monkeypatch: pytest.MonkeyPatch) -> N
         run.client(observer).ask("/rosapi/topics")
 
 
+@pytest.mark.realtime
 def test_who_only_watches_an_observer_keeps_nobody_from_stopping_the_robot(run: Run) -> None:
     device = run.input()
     observer = run.observer(inputs=device.port)
