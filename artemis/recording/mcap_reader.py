@@ -50,6 +50,7 @@ class Recording:
         outcome: how the run ended, in a few words; empty if nobody said.
         wall_duration: how long the run took on the wall [s]; None if it was cut off.
         number: of ticks.
+        number_before_gap: of ticks before the first that is missing between others; None: none is.
         duration: run time from the first to the last tick [s].
     """
 
@@ -78,7 +79,7 @@ class Recording:
         except (KeyError, ValueError) as error:
             raise RecordingError(f"{self.path}: {damage or 'damaged'}; its times cannot be read: {error!r}") from error
         self.missing = self._missing(damage)
-        self.number = self._found.number
+        self.number, self.number_before_gap = self._found.number, self._found.before_gap
         self.duration = (self._found.last_ns - self._found.first_ns) / 1e9
 
     # ----------------------------------------------------------------------------------------------------- content

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import islice
 
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.schemas import differences
@@ -22,9 +23,7 @@ class Replayed:
 def replay(recording: Recording, core: Core) -> Replayed:
     """Recompute the ticks of `recording`, up to the first that is missing, with `core`, made from the same mission."""
     number = 0
-    for number, recorded in enumerate(recording.ticks(), 1):
-        if recorded.snapshot.sensed.index >= number:
-            return Replayed(ticks=number - 1, difference=None)
+    for number, recorded in enumerate(islice(recording.ticks(), recording.number_before_gap), 1):
         if found := differences(recorded, core.decide(recorded.snapshot.sensed)):
             return Replayed(ticks=number, difference=f"tick {number - 1} differs: {'; '.join(found)}")
     return Replayed(ticks=number, difference=None)

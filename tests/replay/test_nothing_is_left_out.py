@@ -90,7 +90,8 @@ CHANGES = list(changes(Tick, WHOLE))
 
 def replayed(recorded: Tick, now: Tick) -> str | None:
     """What a replay says of a recording of one tick with a core that makes another of it."""
-    recording = SimpleNamespace(ticks=lambda: iter([tick_from_record(tick_record(recorded))]))
+    ticks = [tick_from_record(tick_record(recorded))]
+    recording = SimpleNamespace(ticks=lambda: iter(ticks), number_before_gap=None)
     core = SimpleNamespace(decide=lambda sensed: now)
     return replay(cast("Recording", recording), cast("Core", core)).difference
 
