@@ -200,6 +200,7 @@ def test_a_browser_is_told_why_no_code_is_taken(rig: PageRig) -> None:
         assert "set-cookie" not in answer.headers
 
 
+@pytest.mark.realtime
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="needs the program openssl")
 def test_certificates_that_it_makes_encrypt_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
