@@ -49,6 +49,6 @@ def scanner_of(robot: RobotFile, run: Path, scanner: str | None) -> tuple[str, M
         raise ConfigError(f"{run}: scanners {names}: choose one with --scanner")
     name = next(iter(mounted), "") if scanner is None else scanner
     if name not in mounted:
-        there = f"; it has {names}" if names else ": it has none"
-        raise ConfigError(f"{run}: the robot has no scanner{f' {name!r}' if name else ''}{there}")
+        there = f"no scanner {name!r}; it has {names}" if names else "no scanner"
+        raise ConfigError(f"{run}: the robot has {there}")
     return name, mounted[name]

@@ -378,6 +378,16 @@ def test_flood_lets_the_loop_go_on(install: Install) -> None:
 # ---------------------------------------------------------------------------------------------- words
 
 
+def test_a_channel_without_an_adapter_asks_for_none() -> None:
+    async def main() -> None:
+        with pytest.raises(DeviceLost) as caught:
+            CanBus({"interface": "udp_multicast", "channel": "127.0.0.1"})
+        assert "check channel and port" in str(caught.value)
+        assert "plugged in" not in str(caught.value)
+
+    in_real_time(main())
+
+
 def test_misspelt_word_is_refused_before_anything_opens() -> None:
     async def main() -> None:
         with pytest.raises(ConfigError) as caught:

@@ -195,7 +195,7 @@ SURROUNDINGS: dict[str, Row] = {
         Found.MODE,
         S2,
         K,
-        "did not stop at the end of the path",
+        "did not come to rest at the end of the path",
         "follower, speed",
     ),
     "PTH-09": Row(
