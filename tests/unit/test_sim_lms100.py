@@ -197,6 +197,7 @@ def test_telegrams_may_be_split_and_joined() -> None:
     clock.run(main(), simulated=True)
 
 
+@pytest.mark.realtime
 def test_many_clients_over_the_network() -> None:
     async def main() -> None:
         device = Lms100(spiral)
@@ -205,9 +206,8 @@ def test_many_clients_over_the_network() -> None:
         clients = [Client(device, await dial("127.0.0.1", port)) for _ in range(3)]
         for client in clients:
             assert await client.ask("sEN LMDscandata 1") == "sEA LMDscandata 1"
-        for client in clients:
-            first, second, third = [scan_from((await client.read()).encode()).scan_counter for _ in range(3)]
-            assert first < second < third  # a busy computer misses some
+        counters = [scan_from((await client.read()).encode()).scan_counter for client in clients for _ in range(3)]
+        assert counters[0] + 2 == counters[2]
         clients[0].stream.close()
         device.unplug()
         for client in clients[1:]:
