@@ -149,8 +149,8 @@ class CanBus:
         try:
             self._bus = can.Bus(ignore_config=True, **words)
         except Exception as error:
-            advice = "is it plugged in, is its driver installed, does another program use it?"
-            advice = "check channel and port" if interface in _WITHOUT_ADAPTER else advice
+            adapter = "is it plugged in, is its driver installed, does another program use it?"
+            advice = "check channel and port" if interface in _WITHOUT_ADAPTER else adapter
             raise DeviceLost(self.name, f"cannot be opened: {type(error).__name__}: {error}; {advice}") from error
         self._message = can.Message
         self._interface, self._socketcan = interface, interface == "socketcan"

@@ -36,8 +36,7 @@ class FileContents:
         topics: by the numbers of their channels.
         number: of ticks.
         lost: ticks between the first and the last that are not there.
-        first_gap: which of them are missing first, in words.
-        before_gap: ticks before the first that is missing; None: none is.
+        first_gap: sequence numbers of those that are missing first; None: none are.
         first, last: sequence numbers of these two; -1: there is none.
         first_ns, last_ns: their log times.
         sure: the checksum of the file is right, and by its indexes every tick from the first to the last is there.
@@ -49,8 +48,7 @@ class FileContents:
         self.chunks = array("Q")
         self.topics: dict[int, str] = {}
         self.number = self.lost = 0
-        self.first_gap = ""
-        self.before_gap: int | None = None
+        self.first_gap: range | None = None
         self.first = self.last = -1
         self.first_ns = self.last_ns = 0
         self.sure = False
@@ -108,7 +106,7 @@ class FileContents:
 
     def _end_by_indexes(self) -> None:
         self._look_through(self._newest)
-        self.number, self.lost, self.first_gap, self.before_gap = self._indexed, 0, "", None
+        self.number, self.lost, self.first_gap = self._indexed, 0, None
         self.sure = self.number == self.last - self.first + 1
 
     def _look_through(self, chunk: bytes) -> None:
@@ -125,8 +123,7 @@ class FileContents:
                 self.first, self.first_ns = sequence, time_ns
             elif sequence > self.last + 1:
                 self.lost += sequence - self.last - 1
-                self.first_gap = self.first_gap or f"{self.last + 1} to {sequence - 1}"
-                self.before_gap = self.number if self.before_gap is None else self.before_gap
+                self.first_gap = self.first_gap or range(self.last + 1, sequence)
             self.number += 1
             self.last, self.last_ns = sequence, time_ns
 

@@ -79,7 +79,8 @@ class Recording:
         except (KeyError, ValueError) as error:
             raise RecordingError(f"{self.path}: {damage or 'damaged'}; its times cannot be read: {error!r}") from error
         self.missing = self._missing(damage)
-        self.number, self.number_before_gap = self._found.number, self._found.before_gap
+        self.number, gap = self._found.number, self._found.first_gap
+        self.number_before_gap = gap.start - self._found.first if gap else None
         self.duration = (self._found.last_ns - self._found.first_ns) / 1e9
 
     # ----------------------------------------------------------------------------------------------------- content
@@ -248,7 +249,8 @@ class Recording:
         place = f"its last readable tick is {ticks.last}, at {time:.2f} s" if ticks.number else "no tick can be read"
         lost = "are missing" if damage else "were not recorded"
         parts = [f"{damage}; {place}"] if damage else []
-        parts += [f"{ticks.lost} ticks {lost}, the first are {ticks.first_gap}"] if ticks.lost else []
+        if gap := ticks.first_gap:
+            parts.append(f"{ticks.lost} ticks {lost}, the first are {gap[0]} to {gap[-1]}")
         return "; ".join(parts) or None
 
 
