@@ -18,10 +18,13 @@ demo: $(READY)
 
 test: $(READY)
 	@$(BIN)/python -m pytest
+	@$(MAKE) --no-print-directory late
 
 test-ci: $(READY)
 	@$(BIN)/python -m pytest -m "not exhaustive or programs" --left
+	@$(MAKE) --no-print-directory late
 
+# What failed in real time beside other tests has to pass alone.
 late: $(READY)
 	@for try in 1 2 3; do $(BIN)/python -m pytest -n 0 -m "" --late && exit 0; done; exit 1
 

@@ -16,7 +16,6 @@ from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: beside other workers its threads wait for each other
 
-import lateness
 import pytest
 from hypothesis import settings
 
@@ -28,10 +27,10 @@ PROGRAMS = ("browser", "e2e", "peers")
 SKIPPED = "artemis/skipped"
 """Where pytest's cache has the tests, or their files, that the last complete run skipped."""
 LATE = "artemis/late"
-"""Where it has those that no run since the last complete one has passed, as the machine was too busy for real time."""
+"""Where it has those in real time that failed beside others, and that no run since the last complete one has passed."""
 WHOLE = "artemis/whole"
 """Where it has the files without tests that only `make test-ci` runs, each with the time of its last change."""
-TOO_BUSY = "too busy for real time"
+TOO_BUSY, BESIDE_OTHERS = "too busy for real time", "failed beside other tests"
 FETCHED = ("built by scripts/serial_peers", "libLMS1xx: built by scripts/scanner_peers")
 SKIPPED_IN_CI = ("/dev/u", "vcan0", TOO_BUSY, "ARTEMIS_SLAM_DATA", "root reads", *FETCHED)
 """Parts of the reasons for which the continuous integration may skip a test: hardware, the load, data that may
@@ -58,7 +57,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """After `make test` in an environment without the extras, `--left` is the rest with them; `--late` comes last."""
     parser.addoption("--left", action="store_true", help="only what `make test` leaves out, and what it skipped")
     parser.addoption(
-        "--late", action="store_true", help="only what was skipped as the machine was too busy: it has to pass, alone"
+        "--late", action="store_true", help="only what failed in real time beside other tests: it has to pass, alone"
     )
 
 
@@ -184,7 +183,6 @@ def pytest_configure() -> None:
     The first worker has the tests in real time: processors are theirs before the other workers'.
     """
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    lateness.watch()
     if os.environ.get("PYTEST_XDIST_WORKER", "gw0") != "gw0":
         os.nice(10)
 
@@ -193,15 +191,12 @@ def pytest_configure() -> None:
 def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """What fails in real time while the machine is as busy as stops a robot (SYS-01) proves nothing: it is skipped.
-
-    Not for good: `--late` repeats it alone.
-    """
+    """What fails in real time beside other tests may have been held up by them: `--late` repeats it alone."""
     report = yield
-    excused = item.get_closest_marker("realtime") and not item.config.getoption("late")
-    if report.failed and excused and (why := lateness.excuse(call.start, call.stop, report.longreprtext)):
-        reason = f"this machine is {TOO_BUSY} ({why}): {report.longreprtext}"
-        report.outcome, report.longrepr = "skipped", (str(item.path), item.location[1] or 0, reason)
+    if report.failed and item.get_closest_marker("realtime") and not item.config.getoption("late"):
+        reason = f"{BESIDE_OTHERS}, where this machine may be {TOO_BUSY}; `make late` repeats it alone"
+        report.outcome = "skipped"
+        report.longrepr = (str(item.path), item.location[1] or 0, f"{reason}: {report.longreprtext}")
     return report
 
 

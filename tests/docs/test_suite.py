@@ -38,7 +38,7 @@ SHORT = [*FIRST, *SAMPLES[::3], "test_short"]
 PROGRAMS_LEFT = [SAMPLES[1], SAMPLES[2], SAMPLES[4], SAMPLES[5], "test_long", "test_slow"]
 ALL = [*FIRST, *SAMPLES, "test_long", "test_slow", "test_short"]
 TEST_CI = ["-m", "not exhaustive or programs", "--left"]
-COMMAND = "\n{}: $(READY)\n\t@$(BIN)/python -m pytest{}\n"
+COMMAND, LATE = "\n{}: $(READY)\n\t@$(BIN)/python -m pytest{}\n", "\t@$(MAKE) --no-print-directory late\n"
 
 
 @pytest.mark.parametrize(
@@ -115,24 +115,18 @@ def test_the_continuous_integration_skips_what_needs_hardware_or_is_fetched_from
     assert pytest_of(tmp_path, "unit", lacking, "--left", CI="true").returncode == status
 
 
-BUSY = """
+IN_REAL_TIME = """
 import os, pytest
-from pathlib import Path
 
-pytestmark = pytest.mark.realtime
-
-@pytest.fixture(autouse=True)
-def busy(monkeypatch):
-    monkeypatch.setattr(os, "getloadavg", lambda: (float(os.environ["LOAD"]), 0.0, 0.0))
-
+@pytest.mark.realtime
 @pytest.mark.{marker}
 @pytest.mark.parametrize("number", [1, 2])
 def test_in_time(number):
-    assert number != int(os.environ["WRONG"])
+    assert number != int(os.environ["WRONG"]), "its reason"
 
 def test_other(): ...
 """
-"""A test that fails with one number; the load is what the test says."""
+"""A test that fails with one number."""
 
 
 def late_in(tmp_path: Path) -> list[str]:
@@ -141,39 +135,48 @@ def late_in(tmp_path: Path) -> list[str]:
 
 
 @pytest.mark.parametrize("marker", ["skipif(False, reason='')", "exhaustive"])
-def test_what_failed_on_a_busy_machine_has_to_pass_alone(tmp_path: Path, marker: str) -> None:
-    """The load is still as high then: it excuses nothing any more."""
-    tests, all = BUSY.format(marker=marker), ("-m", "")
-    done = pytest_of(tmp_path, "unit", tests, *all, CI="true", LOAD="1000", WRONG="1")
+def test_what_failed_in_real_time_beside_other_tests_has_to_pass_alone(tmp_path: Path, marker: str) -> None:
+    tests, all = IN_REAL_TIME.format(marker=marker), ("-m", "")
+    done = pytest_of(tmp_path, "unit", tests, *all, CI="true", WRONG="1")
     assert (done.returncode, late_in(tmp_path)) == (0, ["test_in_time[1]"])
     assert "2 passed, 1 skipped" in done.stdout
+    assert "`make late` repeats it alone" in done.stdout
+    assert "its reason" in done.stdout
     for _ in range(2):
-        again = pytest_of(tmp_path, "unit", tests, *all, "--late", LOAD="1000", WRONG="1")
+        again = pytest_of(tmp_path, "unit", tests, *all, "--late", WRONG="1")
         assert (again.returncode, late_in(tmp_path)) == (1, ["test_in_time[1]"])
         assert "1 failed" in again.stdout
         assert "test_in_time[1]" in again.stdout.partition("still not passed")[2]
-    passed = pytest_of(tmp_path, "unit", tests, *all, "--late", LOAD="1000", WRONG="0")
+    passed = pytest_of(tmp_path, "unit", tests, *all, "--late", WRONG="0")
     assert (passed.returncode, late_in(tmp_path)) == (0, [])
     assert "1 passed" in passed.stdout
-    none = pytest_of(tmp_path, "unit", tests, *all, "--late", LOAD="0", WRONG="1")
+    none = pytest_of(tmp_path, "unit", tests, *all, "--late", WRONG="1")
     assert (none.returncode, late_in(tmp_path)) == (0, []), "nothing was late"
 
 
 def test_a_run_of_some_tests_forgets_none_that_was_late_unless_it_passed(tmp_path: Path) -> None:
-    tests = BUSY.format(marker="skipif(False, reason='')")
-    pytest_of(tmp_path, "unit", tests, LOAD="1000", WRONG="1")
-    pytest_of(tmp_path, "unit", tests, "-k", "in_time and 2", LOAD="1000", WRONG="2")
+    tests = IN_REAL_TIME.format(marker="skipif(False, reason='')")
+    pytest_of(tmp_path, "unit", tests, WRONG="1")
+    pytest_of(tmp_path, "unit", tests, "-k", "in_time and 2", WRONG="2")
     assert late_in(tmp_path) == ["test_in_time[1]", "test_in_time[2]"]
-    pytest_of(tmp_path, "unit", tests, "--left", LOAD="0", WRONG="0")
+    pytest_of(tmp_path, "unit", tests, "--left", WRONG="0")
     assert late_in(tmp_path) == ["test_in_time[2]"]
-    pytest_of(tmp_path, "unit", tests, LOAD="0", WRONG="0")
+    pytest_of(tmp_path, "unit", tests, WRONG="0")
     assert late_in(tmp_path) == [], "a complete run begins anew"
 
 
+def test_what_fails_without_real_time_is_no_test_that_was_late(tmp_path: Path) -> None:
+    tests = IN_REAL_TIME.format(marker="skipif(False, reason='')").replace(
+        "test_other(): ...", "test_other(): raise ValueError"
+    )
+    assert "1 failed, 2 passed" in pytest_of(tmp_path, "unit", tests, WRONG="0").stdout
+    assert late_in(tmp_path) == []
+
+
 def test_one_that_was_late_and_is_not_found_is_told(tmp_path: Path) -> None:
-    tests = BUSY.format(marker="skipif(False, reason='')")
-    pytest_of(tmp_path, "unit", tests, LOAD="1000", WRONG="1")
-    done = pytest_of(tmp_path, "unit", tests.replace("in_time", "of_another_name"), "--late", LOAD="0", WRONG="0")
+    tests = IN_REAL_TIME.format(marker="skipif(False, reason='')")
+    pytest_of(tmp_path, "unit", tests, WRONG="1")
+    done = pytest_of(tmp_path, "unit", tests.replace("in_time", "of_another_name"), "--late", WRONG="0")
     assert done.returncode == 1
     assert "test_in_time[1]" in done.stdout.partition("still not passed")[2]
 
@@ -185,9 +188,8 @@ def test_make_test_all_leaves_nothing_out_and_is_done_every_night() -> None:
         ("test-ci", f' -m "{TEST_CI[1]}" --left'),
         ("test-all", ' -m "" --hypothesis-profile=exhaustive'),
     ):
-        assert COMMAND.format(name, words) in makefile
+        assert COMMAND.format(name, words) + (LATE if name != "test-all" else "") in makefile
     assert "\nfor target in test-all late " in night
-    assert change.index("directory test-ci\n") < change.index("directory late\n")
-    for target in ("test", "test-ci", "late", "core-coverage"):
+    for target in ("test", "test-ci", "core-coverage"):
         assert f"\nstep make --no-print-directory {target}\n" in change
     assert '"make --no-print-directory docs"\n' in change
