@@ -20,7 +20,6 @@ from artemis.motion.planned_route import unpacked_route
 from artemis.motion.route import Route
 from artemis.report.drawing import check_figures
 from artemis.route_planning.floor import MARGIN, floor_from, goal_problem
-from artemis.route_planning.planner import RouteRequest, plan_route
 from artemis.route_planning.zones import MapZones
 from artemis.values import Pose
 from artemis.vehicle import RobotFile
@@ -92,6 +91,8 @@ def planned(content: OccupancyMap, zones: MapZones, begin: str, end: str, robot_
     Raises:
         ConfigError: there is none, or no such place; the robot cannot stand there, or has no outline.
     """
+    from artemis.route_planning.planner import RouteRequest, plan_route
+
     robot = load_model(robot_file, RobotFile)
     if robot.outline is None:
         raise ConfigError(f"{robot_file}: routes are planned for the robot's outline: it has none")
