@@ -120,6 +120,16 @@ def clearance(occupied: Cells) -> Field:
     return np.asarray(np.maximum(CELL * framed - CELL * math.sqrt(0.5), 0.0), np.float32)
 
 
+def clearance_within(free: Cells) -> Field:
+    """`clearance` of all that is not free, where little is."""
+    clear = np.zeros(free.shape, np.float32)
+    if free.any():
+        rows, columns = (np.flatnonzero(free.any(axis)) for axis in (1, 0))
+        some = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+        clear[some] = clearance(~free[some])
+    return clear
+
+
 class ZonedMap(Struct, frozen=True):
     """A map, and the file of its zones as it was read: what a floor is made of."""
 

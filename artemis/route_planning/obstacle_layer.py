@@ -16,7 +16,7 @@ from artemis.motion.ground import AROUND, STEP, TURN
 from artemis.motion.poses import placed
 from artemis.motion.view import placed_points
 from artemis.mounting import Mounting
-from artemis.route_planning.floor import CELL, Array, Cells, Floor, clearance
+from artemis.route_planning.floor import CELL, Array, Cells, Field, Floor
 from artemis.scan import Scan
 from artemis.values import Pose, Snapshot
 from artemis.vehicle import RobotFile
@@ -74,11 +74,19 @@ def placed_scan(snapshot: Snapshot, scan: Scan, wheelbase: float) -> PlacedScan:
     return PlacedScan(snapshot.time, pose, scan, speed, turn)
 
 
-def standing(placed_scans: Sequence[PlacedScan], scanners: Mapping[str, Mounting], floor: Floor) -> NDArray[np.int64]:
+def standing(
+    placed_scans: Sequence[PlacedScan], scanners: Mapping[str, Mounting], floor: Floor, clear: Field
+) -> NDArray[np.int64]:
     """Rows and columns of the cells of a floor in which something stands that its map does not show, shape (2, n).
 
     A return counts for the cells beside its own, too: returns and poses vary. What a scanner's last scan sees through
     does not stand there any more.
+
+    Args:
+        placed_scans: the oldest first.
+        scanners: by name.
+        floor: in the frame of the map.
+        clear: as of `clearance`, of what the floor's map shows.
     """
     if not placed_scans:
         return np.empty((2, 0), np.int64)
@@ -94,7 +102,7 @@ def standing(placed_scans: Sequence[PlacedScan], scanners: Mapping[str, Mounting
     stood = _lasting(around, np.tile(time, len(_BESIDE)))
     cells = np.intersect1d(found, stood)
     row, column = cells // columns, cells % columns
-    new = clearance(floor.occupied)[row, column] > NEW
+    new = clear[row, column] > NEW
     for last in {each.scan.source: each for each in placed_scans}.values():
         new &= ~_seen_through(row, column, last, scanners[last.scan.source], floor)
     return np.array([row[new], column[new]])

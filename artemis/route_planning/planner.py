@@ -26,6 +26,7 @@ from artemis.route_planning.floor import (
     Field,
     Floor,
     clearance,
+    clearance_within,
     covered,
     outline_box,
 )
@@ -35,6 +36,7 @@ from artemis.route_planning.search import (
     FINEST,
     FIRST,
     FOUND,
+    NARROW,
     NO_WAY,
     are_free,
     is_known,
@@ -46,26 +48,26 @@ from artemis.vehicle import RobotFile
 RADII = (1.55, 1.24, 1.053)
 """Least radius of the rear axle's path, as multiples of the robot's own, wheelbase / tan(steering): wide ones
 are tried first, for the steering is to have something left. Of ARTEMIS they are 0.50, 0.40 and 0.34 m."""
-MOST = 30_000
+MOST = 16_000
 """Poses that are expanded for each radius."""
-GREEDY, GREEDIER = 1.5, 3.0
+GREEDY, GREEDIER = 1.5, 5.0
 """The heuristic counts so many times: routes are up to so much longer than the best, and found far sooner."""
 BY_TURNS = (
-    (False, GREEDY, 3_000),
+    (False, GREEDY, 1_000),
     (False, GREEDIER, 2_000),
     (True, GREEDIER, 1_000),
-    (False, GREEDIER, 12_000),
-    (True, GREEDIER, MOST - 18_000),
+    (False, GREEDIER, 6_000),
+    (True, GREEDIER, MOST - 10_000),
 )
 """Whether they are sought from the goal, how greedily, and among how many: at a narrow end the search from the other
 floods all that is in front of it."""
 FIRST_MARGIN = 0.01
 """Around the outline in the first metre, if something is nearer at the start [m]; what the map shows under it then does
 not count."""
-WIDE, WIDE_TURNS = 0.15, 3
-"""First a route with so much more around the outline [m] is sought, in so many of these turns."""
+WIDE = 0.15
+"""Where there is less room around the outline than so much more [m], a route costs more."""
 NARROW_SPEED = 0.2
-"""Where there is less room, the robot is no faster [m/s]: on the arc on which it would stop it must touch nothing."""
+"""There the robot is no faster [m/s]: on the arc on which it would stop it must touch nothing."""
 END_DISTANCE, END_ANGLE = 0.03, math.radians(3.0)
 """The robot is at the goal if it is at most so far from it [m, rad]."""
 EXACT_ANGLE = math.radians(1.5)
@@ -117,8 +119,6 @@ class _Try(NamedTuple):
 
     radius: float
     """Least of the rear axle's path [m]."""
-    box: Array
-    """As of `outline_box`."""
     from_goal: bool
     """The search begins at the goal."""
     greedy: float
@@ -172,10 +172,12 @@ class _Planning:
         self._least = float(self._box[2]) - 2.0 * CELL
         self._wide = outline_box(request.robot, request.margin + WIDE)
         self._checked = outline_box(request.robot, request.margin + FINEST)
-        occupied = self._floor.occupied.copy()
-        row, column = standing(request.placed_scans, request.robot.scanners, self._floor)
-        occupied[row, column] = True
-        self._clear = clearance(occupied)
+        occupied, self._clear = self._floor.occupied, clearance(self._floor.occupied)
+        row, column = standing(request.placed_scans, request.robot.scanners, self._floor, self._clear)
+        if row.size:
+            occupied = occupied.copy()
+            occupied[row, column] = True
+            self._clear = clearance(occupied)
         self._begun, self._first_box, self._first_checked = self._clear, self._box, self._checked
         if covered(occupied, self._start, self._box).any():
             self._first_box = self._first_checked = outline_box(request.robot, FIRST_MARGIN)
@@ -188,7 +190,7 @@ class _Planning:
         if request.over_known:
             known = known_ground(request.placed_scans, request.robot, self._floor)
             known |= covered(np.ones_like(known), self._start, self._bare)
-            self._known = clearance(~known)
+            self._known = clearance_within(known)
         self._expanded = 0
         self._reasons: list[str] = []
         self._askew: PlannedRoute | None = None
@@ -209,15 +211,20 @@ class _Planning:
             return PlannedRoute(detail="something stands at the goal")
         nearness = 1.0 + NEARNESS * np.maximum(0.0, 1.0 - self._clear / BESIDE)
         slow = np.maximum(1.0, request.speed / self._floor.speed)
-        cost = (self._floor.factor * nearness * slow).astype(np.float32)
-        row, column = self._cell_ahead(self._goal)
-        to_go = cost_to_go(self._begun, cost, row, column, CELL, self._least)
-        found = self._from(self._start, to_go, cost, [])
+        self._cost = (self._floor.factor * nearness * slow).astype(np.float32)
+        to_go = self._cost_to_go(self._begun, self._goal)
+        found = self._from(self._start, to_go, [])
         if found is None and (back := self._back()):
-            found = self._from(self._floor.local(back[-1]), to_go, cost, back)
+            found = self._from(self._floor.local(back[-1]), to_go, back)
         return found or PlannedRoute(detail=self._reasons[-1], expanded=self._expanded)
 
-    def _from(self, start: Array, to_go: Field, cost: Field, back: Sequence[Pose]) -> PlannedRoute | None:
+    def _cost_to_go(self, clear: Field, pose: Array) -> Field:
+        """As of `cost_to_go`, to a pose of the floor; where the outline has to be narrow, it costs as much more."""
+        narrow = clear < self._wide[2] - 2.0 * CELL
+        cost = np.where(narrow, np.float32(NARROW) * self._cost, self._cost)
+        return cost_to_go(clear, cost, *self._cell_ahead(pose), CELL, self._least)
+
+    def _from(self, start: Array, to_go: Field, back: Sequence[Pose]) -> PlannedRoute | None:
         """A route from a pose, after driving back to it."""
         row, column = self._cell_ahead(start)
         rows, columns = to_go.shape
@@ -234,14 +241,14 @@ class _Planning:
                 field, first = to_go, first_box
             elif begun is self._clear:
                 if from_start is None:
-                    from_start = cost_to_go(self._clear, cost, row, column, CELL, self._least)
-                field, first = from_start, each.box
+                    from_start = self._cost_to_go(self._clear, start)
+                field, first = from_start, self._box
             else:
                 continue  # what does not count at the start is known only to a search that begins there
             some = False
             for aim in self._aims():
                 ends = (aim, start) if each.from_goal else (start, aim)
-                points = self._sought(each, ends, begun, cost, field, first)
+                points = self._sought(each, ends, begun, field, first)
                 if points is None:
                     break
                 some = True
@@ -251,14 +258,12 @@ class _Planning:
                 break
         return self._askew and replace(self._askew, expanded=self._expanded)
 
-    def _sought(
-        self, each: _Try, ends: tuple[Array, Array], begun: Field, cost: Field, field: Field, first: Array
-    ) -> Array | None:
+    def _sought(self, each: _Try, ends: tuple[Array, Array], begun: Field, field: Field, first: Array) -> Array | None:
         """Places along a route as `search` gives it, from the start to the goal; None: there is none."""
         known = self._known if each.over_known else self._anywhere
         points, why, expanded = search(
-            self._clear, begun, cost, field, *ends, each.box, first, self._anywhere if each.from_goal else known,
-            self._bare, each.radius, CELL, each.most,
+            self._clear, begun, self._cost, field, *ends, self._box, first, self._wide,
+            self._anywhere if each.from_goal else known, self._bare, each.radius, CELL, each.most,
             -1.0 if each.from_goal else 1.0, each.greedy,
         )  # fmt: skip
         self._expanded += expanded
@@ -279,16 +284,14 @@ class _Planning:
             yield self._goal - self._missed
 
     def _tries(self, *, over_known: bool) -> Iterator[_Try]:
-        """First with much room around, then with as little as may be; on wide curves, then on narrow ones."""
+        """On wide curves, then on narrow ones."""
         robot = self._request.robot
         least = robot.geometry.wheelbase_m / math.tan(math.radians(robot.limits.steering_deg))
         widest = least * RADII[0]
         for known in (True, False) if over_known else (False,):
-            if _fits(self._goal, self._clear, self._wide):
-                yield from (_Try(widest, self._wide, *turn, known) for turn in BY_TURNS[:WIDE_TURNS])
-            yield from (_Try(widest, self._box, *turn, known) for turn in BY_TURNS)
+            yield from (_Try(widest, *turn, known) for turn in BY_TURNS)
         for share in RADII[1:] if self._askew is None else ():
-            yield from (_Try(least * share, self._box, *turn) for turn in BY_TURNS)
+            yield from (_Try(least * share, *turn) for turn in BY_TURNS)
 
     def _taken(self, points: Array, back: Sequence[Pose], radius: float) -> PlannedRoute | None:
         """A route that was found, fitted to the robot; None: then it is none."""

@@ -24,8 +24,9 @@ comes there backwards in one piece, and how much of what it drove forwards is be
 Table = tuple[NDArray[np.int64], NDArray[np.float32]]
 """Cells that were reached, and at what cost."""
 
-HEADINGS = 72
-"""Poses whose headings lie in the same of so many sectors count as the same."""
+HEADINGS, SQUARE = 72, 0.10
+"""Poses whose headings lie in the same of so many sectors, and which lie in the same square of this side [m], count as
+the same."""
 STEP, PIECES = 0.15, 3
 """Length of an arc [m], and in how many places it is looked whether the outline is free."""
 CURVATURES = 5
@@ -33,6 +34,11 @@ CURVATURES = 5
 BACK, CUSP, TURNING = 2.0, 0.5, 0.05
 """A length driven backwards costs so many times as much; a change of direction so much [m]; steering from straight to
 the limit so much [m]."""
+GREEDY_BACK = 0.5
+"""Backwards it costs by so much more than the heuristic counts at least: else a greedy search would drive backwards
+rather than turn."""
+NARROW = 2.5
+"""A length with less room around the outline than is wanted costs so many times as much."""
 SHORTEST = 0.1
 """Between two changes of direction, and before the goal [m]."""
 NEAR = 0.6
@@ -119,10 +125,17 @@ def _slot(keys: NDArray[np.int64], key: int) -> int:
 
 
 @compiled
-def _key(x: float, y: float, heading: float, resolution: float, columns: int) -> int:
-    """The number of a pose: poses that count as the same have the same."""
-    cell = int(y / resolution) * columns + int(x / resolution)
-    return cell * HEADINGS + int(heading % TURN / TURN * HEADINGS) % HEADINGS
+def _key(x: float, y: float, heading: float, columns: int) -> int:
+    """The number of a pose: poses that count as the same have the same.
+
+    Args:
+        x: of the pose, 0 or more.
+        y: likewise.
+        heading: [rad].
+        columns: at least as many as there are squares in a row.
+    """
+    square = int(y / SQUARE) * columns + int(x / SQUARE)
+    return square * HEADINGS + int(heading % TURN / TURN * HEADINGS) % HEADINGS
 
 
 @compiled
@@ -135,7 +148,7 @@ def _left(to_go: Field, x: float, y: float, heading: float, ahead: float, resolu
 @compiled
 def search(
     clear: Field, begun: Field, cost: Field, to_go: Field, start: Array, goal: Array, box: Array, first_box: Array,
-    known: Field, bare: Array, radius: float, resolution: float, most: int, sense: float, greedy: float,
+    wide: Array, known: Field, bare: Array, radius: float, resolution: float, most: int, sense: float, greedy: float,
 ) -> tuple[Array, int, int]:  # fmt: skip
     """A route of a car from pose to pose.
 
@@ -149,6 +162,7 @@ def search(
         goal: likewise.
         box: front, rear (negative behind the axle) and half width of the outline.
         first_box: in the first metre.
+        wide: outline with as much room as is wanted.
         known: distance from each cell's middle to the nearest cell of unknown ground, see `_went`.
         bare: outline that counts there.
         radius: least one of the rear axle's path.
@@ -176,7 +190,7 @@ def search(
     while heap and expanded < most and count + 2 * CURVATURES < room:
         _, number = heappop(heap)
         x, y, heading = poses[number, 0], poses[number, 1], poses[number, 2]
-        place = _slot(keys, _key(x, y, heading, resolution, columns))
+        place = _slot(keys, _key(x, y, heading, columns))
         if keys[place] != -1 and spent[number] > best[place] + 1e-4:
             continue
         expanded += 1
@@ -189,7 +203,7 @@ def search(
                       first_box, bare, radius, resolution, word, stack):  # fmt: skip
                 return _route(poses, steered, direction, parent, number, word, radius), FOUND, expanded
         count = _expand(number, count, nodes, (keys, best), heap, (clear, begun, cost, to_go, known), box, first_box,
-                        bare, radius, resolution, stack, sense, greedy)  # fmt: skip
+                        wide, bare, radius, resolution, stack, sense, greedy)  # fmt: skip
     return np.empty((0, 4)), (TOO_LONG if heap else NO_WAY), expanded
 
 
@@ -222,8 +236,8 @@ def is_known(points: Array, known: Field, resolution: float, bare: Array) -> boo
 @compiled
 def _expand(  # a call for each arc would cost a third of its time
     number: int, count: int, nodes: Nodes, table: Table, heap: list[tuple[float, int]],
-    fields: tuple[Field, Field, Field, Field, Field], box: Array, first_box: Array, bare: Array, radius: float,
-    resolution: float, stack: Array, sense: float, greedy: float,
+    fields: tuple[Field, Field, Field, Field, Field], box: Array, first_box: Array, wide: Array, bare: Array,
+    radius: float, resolution: float, stack: Array, sense: float, greedy: float,
 ) -> int:  # fmt: skip
     """Add the ends of all free arcs from a pose that are better than what led there before; how many poses then."""
     poses, spent, driven, steered, direction, parent, backed, behind = nodes
@@ -235,12 +249,13 @@ def _expand(  # a call for each arc would cost a third of its time
         has_to_be_known = drive < 0 and (back > MOST_BACK + 1e-6 or left_behind < 0.0)
         for choice in range(CURVATURES):
             bend = (2.0 * choice / (CURVATURES - 1) - 1.0) / radius
-            nx, ny, nh, free = x, y, heading, True
+            nx, ny, nh, free, narrow = x, y, heading, True, False
             for piece in range(PIECES):
                 nx, ny, nh = rolled(nx, ny, nh, drive * STEP / PIECES, bend)
                 first = driven[number] + (piece + 1) * STEP / PIECES < FIRST
                 field, outline = (begun, first_box) if first else (clear, box)
-                if not is_free(nx, ny, nh, field, resolution, outline, stack):
+                narrow = narrow or not is_free(nx, ny, nh, clear, resolution, wide, stack)
+                if narrow and not is_free(nx, ny, nh, field, resolution, outline, stack):
                     free = False
                     break
                 if has_to_be_known and not is_free(nx, ny, nh, known, resolution, bare, stack):
@@ -249,11 +264,11 @@ def _expand(  # a call for each arc would cost a third of its time
             left = _left(to_go, nx, ny, nh, ahead, resolution) if free else FAR
             if left > UNREACHABLE:
                 continue
-            step = STEP * (BACK if sense * drive < 0 else 1.0)
+            step = STEP * (max(BACK, greedy + GREEDY_BACK) if sense * drive < 0 else 1.0) * (NARROW if narrow else 1.0)
             price = spent[number] + step * cost[int(ny / resolution), int(nx / resolution)]
             price += TURNING * abs(bend - steered[number]) * radius
             price += CUSP if direction[number] * drive < 0 else 0.0
-            key = _key(nx, ny, nh, resolution, columns)
+            key = _key(nx, ny, nh, columns)
             place = _slot(keys, key)
             if keys[place] == key and price >= best[place] - 1e-4:
                 continue

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from artemis.motion.planned_route import unpacked_route
 from artemis.mounting import Outline
 from artemis.route_planning.curves import rolled, shortest
 from artemis.route_planning.device import warm_up
-from artemis.route_planning.floor import CELL, Floor, floor_from, goal_problem, resampled
+from artemis.route_planning.floor import CELL, Floor, clearance, clearance_within, floor_from, goal_problem, resampled
 from artemis.route_planning.obstacle_layer import PlacedScan, known_ground, placed_returns, standing
 from artemis.route_planning.planner import PlannedRoute, RouteRequest, plan_route
 from artemis.route_planning.zones import MapZone
@@ -149,6 +150,10 @@ def test_a_start_in_a_zone_or_at_a_wall_is_left() -> None:
     assert planned(floor(), start=Pose(x=0.8, y=0.05 + HALF + 0.02)).values
 
 
+def stands(placed_scans: Sequence[PlacedScan], on: Floor) -> NDArray[np.int64]:
+    return standing(placed_scans, ROBOT.scanners, on, clearance(on.occupied))
+
+
 def test_what_stands_on_the_floor_is_driven_around() -> None:
     ranges = np.full(541, 1500, "<u2")
     ranges[:250] = ranges[291:] = 0
@@ -158,11 +163,11 @@ def test_what_stands_on_the_floor_is_driven_around() -> None:
     seen = [PlacedScan(0.5 * number, START, scan) for number in range(6)]
     on = floor()
 
-    rows, columns = standing(seen, ROBOT.scanners, on)
+    rows, columns = stands(seen, on)
     assert len(rows)
     assert np.all(np.abs(np.hypot((columns + 0.5) * CELL - 1.4, (rows + 0.5) * CELL - 1.0) - 1.5) < 0.2)
-    assert standing(seen[:3], ROBOT.scanners, on).size == 0  # for a second only
-    assert standing([*seen[:2], replace(seen[2], time=9.0)], ROBOT.scanners, on).size == 0  # with a gap
+    assert stands(seen[:3], on).size == 0  # for a second only
+    assert stands([*seen[:2], replace(seen[2], time=9.0)], on).size == 0  # with a gap
     free, beside = planned(on), planned(on, placed_scans=tuple(seen))
     assert unpacked_route(beside.values).length > unpacked_route(free.values).length + 0.05
 
@@ -180,9 +185,9 @@ def seen_at(metres: float, time: float, half: int = 20) -> PlacedScan:
 def test_what_was_seen_through_since_does_not_stand_there_any_more() -> None:
     stood = [seen_at(1.5, 0.5 * number) for number in range(6)]
     on = floor()
-    assert standing([*stood, seen_at(0.9, 3.0)], ROBOT.scanners, on).size  # hidden by something nearer
-    assert standing([*stood, seen_at(0.0, 3.0)], ROBOT.scanners, on).size  # nothing returned
-    assert not standing([*stood, seen_at(2.5, 3.0, 30)], ROBOT.scanners, on).size
+    assert stands([*stood, seen_at(0.9, 3.0)], on).size  # hidden by something nearer
+    assert stands([*stood, seen_at(0.0, 3.0)], on).size  # nothing returned
+    assert not stands([*stood, seen_at(2.5, 3.0, 30)], on).size
 
 
 def test_a_route_that_is_free_again_is_kept_and_one_that_is_not_is_planned_anew() -> None:
@@ -208,6 +213,13 @@ def test_masks_keep_what_they_hold_in_cells_of_another_size() -> None:
     fine[7, 13], rough[1, 2] = True, True
     assert np.argwhere(resampled(fine, 0.02)).tolist() == [[2, 5], [3, 5]]
     assert np.argwhere(resampled(rough, 0.10)).tolist() == [[2, 4], [2, 5], [3, 4], [3, 5]]
+
+
+def test_clearance_within_little_that_is_free_is_that_of_the_whole() -> None:
+    free = np.zeros((30, 40), bool)
+    free[5:17, 30:] = free[8, 20:30] = True
+    assert np.array_equal(clearance_within(free), clearance(~free))
+    assert not clearance_within(np.zeros((3, 4), bool)).any()
 
 
 def test_zones_say_what_they_need() -> None:
@@ -312,4 +324,4 @@ def test_warming_up_plans_fits_and_packs_a_route(size: float) -> None:
 
 def test_scans_that_show_nothing_on_the_map_are_no_obstacle() -> None:
     nothing = [PlacedScan(0.5 * n, START, scan_with(np.zeros(541, "<u2"), 0.5 * n)) for n in range(6)]
-    assert standing(nothing, ROBOT.scanners, floor()).size == 0
+    assert stands(nothing, floor()).size == 0
