@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import TypeAlias
 
 import numpy as np
 from scipy.optimize import minimize
-from scipy.special import stdtrit  # scipy has no types
+from scipy.special import chdtri, stdtrit  # scipy has no types
 
-from artemis.calibration import increments
-from artemis.calibration.fitted_run import STEP, FittedRun, Run, case_of
-from artemis.calibration.increments import motions
+from artemis.calibration.fitted_run import CLOCK, STEP, FittedRun, Run, case_of
 from artemis.calibration.kinematics import Kinematics, Parameter, altered, dead_reckoned
 from artemis.calibration.knowledge import QUANTILE, Estimates, Mask, condition_of, covariance_of, estimates_of, hold
 from artemis.errors import CalibrationError
@@ -26,32 +22,28 @@ SENSOR = (
     Parameter("sensor heading", 0.3, "a truth with headings"),
 )
 """Where the truth's sensor is, seen from the centre of the rear axle [m, rad]."""
-MOUNTED = 0.02
-"""A sensor whose place is known better [m, rad] and"""
+KNOWN = 0.02
+"""A sensor whose place (or heading) the runs show to this standard deviation [m, rad],"""
 CHANCE = {1: 6.6, 2: 9.2}
-"""may be at zero with a squared distance below this (chi square with so many degrees of freedom, 99 %) is there,"""
-ON_THE_AXLE = 1e-5
-"""to this [m, rad]. Its place and its heading are looked at one by one: a heading says nothing of the place."""
-FAST = len(increments.NOISES)
-"""Of the noises; the others are `increments.SLOW`."""
-TRIED = 8
-"""Noises that are remembered while they are fitted: as many as a derivative takes, and a few."""
-ROUNDS = 2
-"""Of fitting the parameters and then the noise."""
+"""and whose squared distance from zero is below the 99 % quantile of chi square (by degrees of freedom), is assumed to
+be at the rear axle's centre (to have the robot's heading). Both are tested separately."""
+MOUNTING = (0.003, 0.003, 0.005)
+"""How accurately such a sensor is assumed to be mounted [m, m, rad], one standard deviation: at most, the runs may show
+it better;"""
+EXACT = 1e-5
+"""and where the caller knows that the truth is of that centre [m, rad]."""
+ROUNDS = 6
+"""Of fitting parameters and noise, at most: as long as more outliers are found."""
 STEPS = 8
-"""Of the least squares, at most."""
+"""Of Gauss-Newton, at most."""
 PIECE = 12
-"""Motions between two moments, that scatter together."""
-ROBUST = 10.0
-"""Whitened differences beyond count less (soft L1),"""
-OUTLIER = 30.0
-"""and beyond this not at all."""
-FIRST_NOISE = (0.003, 0.005, 0.005, 0.005, 0.005, 0.01, 0.002, 0.002, 0.005)
-"""As `increments.NOISES` and `increments.SLOW`,"""
+"""Motions in a cluster of the cluster-robust covariance: 6 s."""
+BY_CHANCE = 1e-3
+"""Probability that any motion of the runs is rejected as an outlier, if all noise is normal."""
+FIRST_NOISE = (0.003, 0.005, 0.005, 0.005, 0.01)
+"""Initial standard deviations, as `increments.NOISES`,"""
 NOISE_BOUNDS = (1e-5, 1.0)
-"""each."""
-
-Products: TypeAlias = tuple[Array, Array, Array]
+"""and the bounds of each."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -65,7 +57,7 @@ class Fit(Estimates):
     noise: tuple[float, ...]
     """Standard deviations, as `increments.NOISES`."""
     left_out: int
-    """Motions between two moments that fit nothing."""
+    """Motions between two moments that were rejected as outliers."""
     moments: int
 
     @property
@@ -97,21 +89,23 @@ def fit(runs: Sequence[Run], base: Kinematics, parameters: Sequence[Parameter], 
     sensor = slice(len(parameters), len(bands))
     free[-1] = any(run.truth.knows_heading for run in runs)
     x, noise = np.zeros(len(bands)), np.array(FIRST_NOISE)
-    for _ in range(ROUNDS):
-        problem.weigh(x, noise)
-        x = problem.solved(x, free)
-        problem.leave_out(x)
-        noise = problem.noise_of(x, noise)
     problem.weigh(x, noise)
     x = problem.solved(x, free)
+    for _ in range(ROUNDS):
+        noise = problem.noise_of(x, noise)
+        x, more = problem.settled(x, free, noise)
+        if not more:
+            break
     information = problem.information(x)
+    covariance = np.asarray(np.linalg.inv(information + np.diag(bands**-2.0)), np.float64)
     for mount in (slice(sensor.start, sensor.stop - 1), slice(sensor.stop - 1, sensor.stop)):
-        free[mount] &= not (on_axle or _may_be_zero(information, bands, x, mount))
+        free[mount] &= not (on_axle or _may_be_zero(covariance[mount, mount], x[mount]))
     reasons = hold(information, bands, parameters, free)
     if not free[: len(parameters)].any():
         raise CalibrationError("the runs determine none of the parameters: drive farther, and along curves")
     x = problem.solved(np.where(free, x, 0.0), free)
-    bands[sensor] = np.where(free[sensor], bands[sensor], ON_THE_AXLE)
+    mounting = EXACT if on_axle else np.minimum(MOUNTING, np.sqrt(np.diag(covariance)[sensor]))
+    bands[sensor] = np.where(free[sensor], bands[sensor], mounting)
     return _result(problem, x, bands, free, reasons, noise)
 
 
@@ -124,25 +118,22 @@ def refitted(found: Fit, runs: Sequence[Run]) -> Kinematics:
     )
     x = np.array([each.value for each in found.estimates])
     free = np.array([each.seen for each in found.estimates])
-    problem.weigh(x, np.array(found.noise))
-    x = problem.solved(x, free)
+    x, _ = problem.settled(x, free, np.array(found.noise))
     return altered(found.base, problem.values(x))
 
 
 def clocks_of(found: Fit, runs: Sequence[Run]) -> tuple[Clock, ...]:
     """Of the truth of runs that were not fitted, and nothing else, with the fitted machine and sensor."""
     problem = Problem([case_of(run, found.machine) for run in runs], found.machine, SENSOR)
-    x = np.array(found.sensor)
-    problem.weigh(x, np.array(found.noise))
-    problem.solved(x, np.zeros(len(x), dtype=bool))
+    problem.settled(np.array(found.sensor), np.zeros(len(SENSOR), dtype=bool), np.array(found.noise))
     return tuple(case.clock for case in problem.cases)
 
 
 class Problem:
     """Differences of all runs as a function of what is unknown.
 
-    Common to all runs are the machine's parameters and the sensor's place (`x`). Each run's own unknowns, its clock and
-    its slow errors (`FittedRun.own`), are eliminated from the normal equations run by run.
+    Common to all runs are the machine's parameters and the sensor's place (`x`). The clock of each run
+    (`FittedRun.own`) is eliminated from the normal equations run by run.
     """
 
     def __init__(self, cases: list[FittedRun], base: Kinematics, names: Sequence[Parameter]) -> None:
@@ -180,35 +171,51 @@ class Problem:
             columns.append((case.differences(moved, self.sensor(there)) - here).ravel() / shift)
         return np.column_stack([*columns, case.own_slopes(reckoned, self.sensor(x))])
 
+    def linear(self, case: FittedRun, x: Array, free: Mask) -> Array:
+        """The same, but the differences as they would be if all that is free, and the run's own unknowns, were zero."""
+        columns = self.columns(case, x)
+        columns[:, 0] -= columns[:, 1:] @ np.append(np.where(free, x, 0.0), case.own)
+        return columns
+
     # ------------------------------------------------------------------------------------------------ least squares
 
     def weigh(self, x: Array, noise: Array) -> None:
         """Make each run's weights of the noise."""
         for case in self.cases:
-            case.true = motions(case.moments.beside(case.averaged(self._reckoned(case, x), self.sensor(x))))
-            case.parts = increments.covariances(case.true, case.rolled(), self.sensor(x)[:2])
-            case.root, case.prior = increments.factor(case.covariance(noise[:FAST])), case.precision(noise[FAST:])
+            case.see(self._reckoned(case, x), self.sensor(x))
+            case.weigh(noise)
 
-    def leave_out(self, x: Array) -> None:
-        """Find the motions that fit nothing."""
-        white = [increments.whitened(case.root, self.differences(case, x).reshape(-1, 1))[:, 0] for case in self.cases]
-        std = 1.4826 * float(np.median(np.abs(np.concatenate(white))))
-        for case, each in zip(self.cases, white, strict=True):
-            case.lost = np.abs(each).reshape(-1, 3).max(axis=1) > OUTLIER * std
+    def settled(self, x: Array, free: Mask, noise: Array) -> tuple[Array, bool]:
+        """Solve, and reject outliers until there are no more. Returns the unknowns, and whether any were rejected.
+
+        A motion is an outlier if its whitened difference is longer than normal noise explains (data snooping, Baarda
+        1968): counts that were lost, a wheel that spun, a tracker that jumped. It stays rejected.
+        """
+        most, any_found = chdtri(3, BY_CHANCE / sum(len(case.moments.poses) for case in self.cases)), False
+        while True:
+            self.weigh(x, noise)
+            x = self.solved(x, free)
+            found = False
+            for case in self.cases:
+                white = case.white(self.differences(case, x).reshape(-1, 1)).reshape(-1, 3)
+                lost = (np.sum(white**2, axis=1) > most) & ~case.lost
+                case.lost |= lost
+                found |= bool(lost.any())
+            if not found:
+                return x, any_found
+            any_found = True
 
     def solved(self, x: Array, free: Mask) -> Array:
-        """The unknowns that fit best, those that are not free as they are: Gauss-Newton, outliers weighted less."""
-        prior, taken = np.diag(self.bands()[free] ** -2.0), np.append(True, free)
+        """The unknowns that fit best, those that are not free as they are: Gauss-Newton."""
+        prior = np.diag(self.bands()[free] ** -2.0)
+        taken = np.flatnonzero(np.append(True, free))
         for _ in range(STEPS):
-            normal, gains = np.zeros((1 + int(free.sum()),) * 2), []
+            normal, gains = np.zeros((1 + len(x),) * 2), []
             for case in self.cases:
-                white = increments.whitened(case.root, self.columns(case, x))
-                white /= (1.0 + (white[:, :1] / ROBUST) ** 2) ** 0.25
-                common, own = white[:, : 1 + len(x)], white[:, 1 + len(x) :]
-                common[:, 0] -= own @ case.own + common[:, 1:][:, free] @ x[free]
-                part, gain, _ = eliminated(products(common[:, taken], own), case.prior)
-                normal += part
-                gains.append(gain)
+                rest, gain, _ = apart(case.white(self.linear(case, x, free)))
+                normal += rest.T @ rest
+                gains.append(gain[:, taken])
+            normal = normal[np.ix_(taken, taken)]
             inverse = np.linalg.inv(normal[1:, 1:] + prior)
             old, x = x, x.copy()
             x[free] = -inverse @ normal[1:, 0]
@@ -220,33 +227,11 @@ class Problem:
 
     def information(self, x: Array) -> Array:
         """Normal matrix of the common unknowns, without their bands."""
-        return self._gram([self.columns(case, x)[:, 1:] for case in self.cases])
+        return self._gram([self.columns(case, x) for case in self.cases])[1:, 1:]
 
     def _gram(self, columns: list[Array]) -> Array:
-        parts = []
-        for case, each in zip(self.cases, columns, strict=True):
-            white = increments.whitened(case.root, each)
-            count = white.shape[1] - len(case.own)
-            parts.append(eliminated(products(white[:, :count], white[:, count:]), case.prior)[0])
-        return np.asarray(np.sum(parts, axis=0))
-
-    def bends(self, x: Array, bands: Array, free: Mask) -> Array:
-        """What is fitted errs by what is held also in second order: its second moment, shape (free, free).
-
-        A parameter h that is held at 0 and normal with its band b moves the others by half the curvature times h², and
-        the mean of h⁴ is 3 b⁴.
-        """
-        inner = np.linalg.inv(self.information(x)[np.ix_(free, free)] + np.diag(bands[free] ** -2.0))
-        total, unshifted = np.zeros_like(inner), [self.columns(case, x) for case in self.cases]
-        for place in np.flatnonzero(~free):
-            step, columns = np.zeros(len(x)), [each.copy() for each in unshifted]
-            step[place] = bands[place]
-            for case, each in zip(self.cases, columns, strict=True):
-                shifted = [self.differences(case, x + sign * step).ravel() for sign in (1.0, -1.0)]
-                each[:, 0] = (shifted[0] + shifted[1]) / 2.0 - each[:, 0]
-            shift = inner @ self._gram(columns)[1:, 0][free]
-            total += 3.0 * np.outer(shift, shift)
-        return total
+        rests = [apart(case.white(each))[0] for case, each in zip(self.cases, columns, strict=True)]
+        return np.asarray(np.sum([rest.T @ rest for rest in rests], axis=0))
 
     def excess(self, x: Array, bands: Array, free: Mask) -> Array:
         """Factors of the standard deviations: pieces of the runs may scatter more than the noise explains.
@@ -256,10 +241,9 @@ class Problem:
         """
         normal, scores = np.diag(bands[free] ** -2.0), []
         for case in self.cases:
-            white = increments.whitened(case.root, self.columns(case, x))
-            common, own = white[:, 1 : 1 + len(x)][:, free], white[:, 1 + len(x) :]
-            rest = common - own @ np.linalg.solve(own.T @ own + case.prior, own.T @ common)
-            normal += common.T @ rest
+            white = case.white(self.columns(case, x))
+            rest = apart(white)[0][: len(white), 1:][:, free]
+            normal += rest.T @ rest
             scores.append(np.add.reduceat(rest * white[:, :1], np.arange(0, len(white), 3 * PIECE)))
         pieces, inverse = np.concatenate(scores), np.linalg.inv(normal)
         freedom = max(len(pieces) - len(inverse), 1.0)
@@ -280,32 +264,16 @@ class Problem:
 
     def noise_of(self, x: Array, first: Array) -> Array:
         """The noise by restricted maximum likelihood of the differences, linear at `x` (Harville 1977)."""
-        columns = [self.columns(case, x) for case in self.cases]
-        for case, each in zip(self.cases, columns, strict=True):
-            each[:, 0] -= each[:, 1:] @ np.append(x, case.own)
-        prior, count = np.diag(self.bands() ** -2.0), 1 + len(x)
-
-        @lru_cache(TRIED)  # derivatives by one kind of noise need the other kind's part again and again
-        def weighed(*fast: float) -> list[tuple[Products, float]]:
-            found = []
-            for case, each in zip(self.cases, columns, strict=True):
-                root = increments.factor(case.covariance(np.array(fast)))
-                white = increments.whitened(root, each)
-                found.append((products(white[:, :count], white[:, count:]), float(np.sum(np.log(root[0])))))
-            return found
-
-        @lru_cache(TRIED)
-        def priors(*slow: float) -> list[tuple[Array, float]]:
-            precisions = [case.precision(np.array(slow)) for case in self.cases]
-            return [(each, np.linalg.slogdet(each)[1]) for each in precisions]
+        columns = [self.linear(case, x, np.ones(len(x), dtype=bool)) for case in self.cases]
+        prior = np.diag(self.bands() ** -2.0)
 
         def unlikeliness(logs: Array) -> float:
-            noise, total, normal = np.exp(logs).tolist(), 0.0, np.zeros((count, count))
-            pairs = zip(weighed(*noise[:FAST]), priors(*noise[FAST:]), strict=True)
-            for (white, log_root), (precision, log_precision) in pairs:
-                part, _, log_own = eliminated(white, precision)
-                normal += part
-                total += log_root + (log_own - log_precision) / 2.0
+            noise, total, normal = np.exp(logs), 0.0, np.zeros((1 + len(x),) * 2)
+            for case, each in zip(self.cases, columns, strict=True):
+                case.weigh(noise)
+                rest, _, log_own = apart(case.white(each))
+                normal += rest.T @ rest
+                total += float(np.sum(np.log(case.root[0]))) + log_own / 2.0
             inner = normal[1:, 1:] + prior
             fitted = normal[0, 1:] @ np.linalg.solve(inner, normal[1:, 0])
             return float(total + (np.linalg.slogdet(inner)[1] + normal[0, 0] - fitted) / 2.0)
@@ -316,40 +284,35 @@ class Problem:
         return np.asarray(np.exp(found.x))
 
 
-def products(common: Array, own: Array) -> Products:
-    """Of two sets of white columns: of the first with itself, of the second with the first, of the second."""
-    return common.T @ common, own.T @ common, own.T @ own
-
-
-def eliminated(white: Products, prior: Array) -> tuple[Array, Array, float]:
-    """Of least squares with two sets of white columns: normal matrix of the first without the second.
+def apart(white: Array) -> tuple[Array, Array, float]:
+    """Least squares of white columns by the last two, a run's own unknowns with their prior `CLOCK`.
 
     Args:
-        white: of the columns.
-        prior: precision of the values of the second set.
+        white: columns, shape (n, k + 2).
 
     Returns:
-        That matrix; the values of the second set that fit each column of the first; the logarithm of the determinant of
-        the second's own normal matrix with its prior.
+        What is left of the first columns, with a row for each prior, shape (n + 2, k); the own unknowns that fit each
+        of them, shape (2, k); the logarithm of the determinant of the own unknowns' normal matrix.
     """
-    common, mixed, own = white
-    normal = own + prior
-    gain = np.asarray(np.linalg.solve(normal, mixed), dtype=np.float64)
-    return common - mixed.T @ gain, gain, float(np.linalg.slogdet(normal)[1])
+    columns = np.vstack([white, np.zeros((2, white.shape[1]))])
+    columns[-2:, -2:] = np.diag(1.0 / np.array(CLOCK))
+    common, own = columns[:, :-2], columns[:, -2:]
+    normal = own.T @ own
+    gain = np.linalg.solve(normal, own.T @ common)
+    return common - own @ gain, gain, float(np.linalg.slogdet(normal)[1])
 
 
-def _may_be_zero(information: Array, bands: Array, x: Array, mount: slice) -> bool:
+def _may_be_zero(covariance: Array, x: Array) -> bool:
     """Whether the sensor may have exactly the rear axle's centre, or heading: no chance mounts one there so well."""
-    covariance = np.linalg.inv(information + np.diag(bands**-2.0))[mount, mount]
-    exact = np.all(np.sqrt(np.diag(covariance)) < MOUNTED)
-    return bool(exact and x[mount] @ np.linalg.solve(covariance, x[mount]) < CHANCE[len(covariance)])
+    exact = np.all(np.sqrt(np.diag(covariance)) < KNOWN)
+    return bool(exact and x @ np.linalg.solve(covariance, x) < CHANCE[len(covariance)])
 
 
 def _result(problem: Problem, x: Array, bands: Array, free: Mask, reasons: Sequence[str], noise: Array) -> Fit:
     information = problem.information(x)
     covariance = covariance_of(information, bands, free)
     covariance[np.ix_(free, free)] *= np.multiply.outer(*[problem.excess(x, bands, free)] * 2)
-    covariance[np.ix_(free, free)] += problem.bends(x, bands, free) + problem.blurred(x, bands, free)
+    covariance[np.ix_(free, free)] += problem.blurred(x, bands, free)
     known = any(case.run.truth.knows_heading for case in problem.cases)
     mounted = "" if free[len(reasons)] else "the truth is of the rear axle's centre"
     turned = "the truth's headings are the robot's" if known else "needs a truth with headings"

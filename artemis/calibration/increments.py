@@ -4,10 +4,6 @@ The truth errs at each moment alone, the odometry from each moment to the next: 
 So what the two say of the motion between neighbouring moments differs by noise with a block-tridiagonal covariance,
 linear in five variances. Multiplied by the inverse of its Cholesky factor the differences are independent, and least
 squares on them is the generalised least squares of whole trajectories with unknown start poses.
-
-What is correlated for longer (slip, floors, the truth's filter, clocks that are read late) is modelled by slow errors:
-processes of Ornstein and Uhlenbeck, interpolated between knots, whose values are unknowns of each run with a normal
-prior: random effects of a mixed linear model (Harville 1977, J. Am. Stat. Assoc. 72:320).
 """
 
 from __future__ import annotations
@@ -34,13 +30,6 @@ NEAR = 0.5
 """Where the truth has no headings, the odometry is laid on its places this far around each [m]."""
 NOISES = ("position", "heading", "along", "across", "turn")
 """Of the truth [m, rad]; of the odometry [m/sqrt(m), m/sqrt(m), rad/sqrt(m)]."""
-SLOW = ("clock", "slip along", "slip across", "slip turn")
-"""Slow errors: of the truth's clock [s]; of the odometry [m/m, m/m, rad/m]."""
-LENGTHS = (30.0, 0.3)
-"""Over which the slow errors of the clock [s] and of the odometry [m] are correlated: much longer than a bin, much
-shorter than a run."""
-KNOTS = 24
-"""Of each slow error in a run, at most; two in each length are enough."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -105,30 +94,6 @@ def levers(arm: tuple[float, float]) -> Array:
     """What errors of the axle's motion along, across and in turn are at the sensor, shape (3, 3)."""
     ahead, left = arm
     return np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-left, ahead, 1.0]])
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Knots:
-    """Evenly spaced points between which a slow error is interpolated."""
-
-    places: Array
-    """Times [s] or distances [m]."""
-    length: float
-    """Over which the error is correlated, by a factor of e."""
-
-    @classmethod
-    def over(cls, end: float, length: float) -> Knots:
-        """From 0 to `end`."""
-        end = max(end, length)
-        return cls(places=np.linspace(0.0, end, int(min(2.0 * end / length, KNOTS - 1)) + 1), length=length)
-
-    def weights(self, at: Array) -> Array:
-        """Of each knot at some places, shape (n, knots)."""
-        return np.column_stack([np.interp(at, self.places, row) for row in np.eye(len(self.places))])
-
-    def covariance(self, variance: float) -> Array:
-        """Of the values at the knots of a process of Ornstein and Uhlenbeck."""
-        return np.asarray(variance * np.exp(-np.abs(np.subtract.outer(self.places, self.places)) / self.length))
 
 
 def covariances(motion: Array, rolled: Array, arm: tuple[float, float]) -> Array:

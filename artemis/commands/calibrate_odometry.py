@@ -251,13 +251,12 @@ def _tell(tables: Sequence[tuple[str, Sequence[str], list[tuple[str, ...]]]], fo
 
 
 def _noise(found: Fit) -> None:
-    position, heading, along, _, turn, clock, slip, _, bend = found.noise
+    position, heading, along, _, turn = found.noise
     of_truth = f"{1000 * position:.1f} mm, "
     of_truth += f"{np.degrees(heading):.2f} deg" if found.knows_heading else "no headings"
     sys.stdout.write(
         f"noise of the truth, means over {BIN:g} s: {of_truth}\n"
         f"random walk of the odometry: {1000 * along:.1f} mm and {np.degrees(turn):.2f} deg in 1 m\n"
-        f"slow errors: clock {clock:.3f} s, slip {slip:.2%} and {np.degrees(bend):.2f} deg/m\n"
         f"outliers: {found.left_out} of {found.moments} motions not used\n"
     )
 

@@ -8,7 +8,7 @@ import pytest
 from calibrated_drives import COUNT, DESCRIBED, STEP, counted_by_drives, drive, hidden, moved
 from odometry_calibrations import calibrated
 from plain_odometry_fit import BASE as TRICYCLE
-from plain_odometry_fit import CIRCLES, clock_of, mean_error, real_runs
+from plain_odometry_fit import CIRCLES, mean_error, real_runs
 
 from artemis.axles import Geometry, Potentiometers
 from artemis.calibration import increments
@@ -284,14 +284,6 @@ class TestRealRuns:
         assert mean_error(check, found.machine, found.sensor) < 0.035
         assert degrees(found.machine.zero_left) == pytest.approx(1.15, abs=0.15)
 
-    @pytest.mark.exhaustive
-    def test_the_clock_of_the_truth_is_found_though_it_was_taken_for_that_of_the_odometry(self) -> None:
-        runs = real_runs(*CIRCLES[:2])
-
-        found = fit(runs, TRICYCLE, ONE_WHEEL)
-
-        assert [clock.drift for clock in found.clocks] == pytest.approx([clock_of(run).drift for run in runs], abs=2e-3)
-
 
 class TestClosing:
     def closed(self, values: dict[str, float], sense: float, seed: int) -> Closed:
@@ -410,7 +402,7 @@ class TestMachineFile:
 @pytest.mark.slow
 def test_rows_have_left_right_and_mean() -> None:
     driven = drive(hidden(13), 13, duration=60.0, on_axle=True)
-    found = fit([Run(log=driven.log, truth=driven.truth)], BASE, TWO_WHEELS)
+    found = fit([Run(log=driven.log, truth=driven.truth)], BASE, TWO_WHEELS, on_axle=True)
 
     rows = {row.name: row for row in rows_of(found, (2e-4, 2e-4))}
 
