@@ -31,6 +31,7 @@ from artemis.sim.bus import SimBus
 from artemis.sim.world import World
 from artemis.states.plan import FollowStep, Plan
 from artemis.values import Mode, Snapshot, Tick
+from artemis.vehicle import RobotFile
 
 MISSIONS = FilePath(__file__).parents[2] / "missions"
 FIGURE_EIGHT = MISSIONS / "figure_eight.yaml"
@@ -117,14 +118,19 @@ class TimedFollower:
 
 
 class TimedRobot(Robot):
-    """Notes what each tick took without bus and follower, and what the simulation took since the tick before."""
+    """Notes what each tick took without bus and follower, and what the simulation took since the tick before.
+
+    After each tick a peer does once what it is compared by: so both find the caches as a run leaves them, and a machine
+    that changes its speed changes it for both.
+    """
 
     bus: TimedBus
     followers: list[TimedFollower]
 
-    def time_ticks(self, bus: TimedBus, followers: list[TimedFollower]) -> None:
-        self.bus, self.followers = bus, followers
+    def time_ticks(self, bus: TimedBus, followers: list[TimedFollower], peer: Callable[[], object]) -> None:
+        self.bus, self.followers, self._peer = bus, followers, peer
         self.own: list[float] = []
+        self.peer: list[float] = []
         self.simulation: list[float] = []
         self._simulated = 0.0
 
@@ -135,6 +141,9 @@ class TimedRobot(Robot):
         if tick.mode is Mode.FOLLOW and not urgent:
             self.own.append(took)
             self.simulation.append(self.bus.spent - self._simulated)
+            begun = stopwatch()
+            self._peer()
+            self.peer.append(stopwatch() - begun)
         self._simulated = self.bus.spent
         return tick
 
@@ -142,8 +151,8 @@ class TimedRobot(Robot):
         return self.bus.spent + sum(follower.spent for follower in self.followers)
 
 
-def timed_run(mission: FilePath) -> TimedRobot:
-    """A whole run on virtual time, recorded, with its stopwatches."""
+def timed_run(mission: FilePath, peer: Callable[[RobotFile], Callable[[], object]]) -> TimedRobot:
+    """A whole run on virtual time, recorded, with its stopwatches; `peer` makes what is done beside for a robot."""
     loaded = load_mission(mission)
     plan, followers = _timed(plan_from(loaded))
 
@@ -160,7 +169,7 @@ def timed_run(mission: FilePath) -> TimedRobot:
             period,
             lambda tick: recorder.observe(tick, drives.wire.take_traffic()),
         )
-        robot.time_ticks(bus, followers)
+        robot.time_ticks(bus, followers, peer(loaded.robot))
         await robot.run()
         recorder.close("done")
         bus.close()
