@@ -17,19 +17,17 @@ demo: $(READY)
 	@$(BIN)/artemis run missions/figure_eight.yaml
 
 test: $(READY)
-	@$(BIN)/python -m pytest
-	@$(MAKE) --no-print-directory late
+	@$(BIN)/python -m pytest; status=$$?; $(MAKE) --no-print-directory late && exit $$status
 
 test-ci: $(READY)
-	@$(BIN)/python -m pytest -m "not exhaustive or programs" --left
-	@$(MAKE) --no-print-directory late
+	@$(BIN)/python -m pytest -m "not exhaustive or programs" --left; status=$$?; $(MAKE) --no-print-directory late && exit $$status
 
 # What failed in real time beside other tests has to pass alone.
 late: $(READY)
 	@for try in 1 2 3; do $(BIN)/python -m pytest -n 0 -m "" --late && exit 0; done; exit 1
 
 test-all: $(READY)
-	@$(BIN)/python -m pytest -m "" --hypothesis-profile=exhaustive
+	@$(BIN)/python -m pytest -m "" --hypothesis-profile=exhaustive; status=$$?; $(MAKE) --no-print-directory late && exit $$status
 
 check: $(READY)
 	$(BIN)/ruff format --check .

@@ -145,7 +145,8 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
         if late:
             terminal.section("still not passed", red=True)
             terminal.line("\n".join(sorted(late)))
-        session.exitstatus = pytest.ExitCode.TESTS_FAILED if late else pytest.ExitCode.OK
+        failed = late or terminal.stats.get("error")
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED if failed else pytest.ExitCode.OK
     elif config.getoption("left") and os.environ.get("CI") == "true":
         reasons = [str(report.longrepr) for report in skipped]
         wrong = [reason for reason in reasons if not any(allowed in reason for allowed in SKIPPED_IN_CI)]
@@ -191,9 +192,13 @@ def pytest_configure() -> None:
 def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """What fails in real time beside other tests may have been held up by them: `--late` repeats it alone."""
+    """What fails in real time beside other tests may have been held up by them: `--late` repeats it alone.
+
+    What is left behind by one, as seen when it ends, is a failure at once.
+    """
     report = yield
-    if report.failed and item.get_closest_marker("realtime") and not item.config.getoption("late"):
+    beside = "PYTEST_XDIST_WORKER" in os.environ and item.get_closest_marker("realtime")
+    if report.failed and beside and report.when != "teardown" and not item.config.getoption("late"):
         reason = f"{BESIDE_OTHERS}, where this machine may be {TOO_BUSY}; `make late` repeats it alone"
         report.outcome = "skipped"
         report.longrepr = (str(item.path), item.location[1] or 0, f"{reason}: {report.longreprtext}")

@@ -12,11 +12,6 @@ BACK = 2.0
 """A process that was killed does its work again after so long at the latest [s]."""
 
 
-def longest_restart(first: float) -> float:
-    """How long a killed process may take until it works again [s]; a slow machine is slow the first time, too."""
-    return max(BACK, 1.5 * first)
-
-
 def skip_if_late(shown: str, *others: str) -> None:
     """A machine that is busy with something else stops a real-time run, rightly: then there is nothing to test.
 

@@ -35,7 +35,9 @@ EXACT = 1e-5
 ROUNDS = 6
 """Of fitting parameters and noise, at most: as long as more outliers are found."""
 STEPS = 8
-"""Of Gauss-Newton, at most."""
+"""Of Gauss-Newton, at most: until nothing changes by more than a fiftieth of its standard deviation, and no clock by"""
+SETTLED = (1e-4, 1e-6)
+"""more than this [s, s/s]."""
 PIECE = 12
 """Motions in a cluster of the cluster-robust covariance: 6 s."""
 BY_CHANCE = 1e-3
@@ -71,7 +73,7 @@ class Fit(Estimates):
 
 
 def fit(runs: Sequence[Run], base: Kinematics, parameters: Sequence[Parameter], on_axle: bool = False) -> Fit:
-    """Fit by robust generalised least squares on whole trajectories.
+    """Fit by generalised least squares on whole trajectories, without outliers.
 
     Args:
         runs: with what is true of them.
@@ -219,9 +221,11 @@ class Problem:
             inverse = np.linalg.inv(normal[1:, 1:] + prior)
             old, x = x, x.copy()
             x[free] = -inverse @ normal[1:, 0]
+            moved = False
             for case, gain in zip(self.cases, gains, strict=True):
-                case.own = -gain @ np.append(1.0, x[free])
-            if np.all(np.abs(x - old)[free] < 0.02 * np.sqrt(np.diag(inverse))):
+                own, case.own = case.own, -gain @ np.append(1.0, x[free])
+                moved |= bool(np.any(np.abs(case.own - own) > SETTLED))
+            if not moved and np.all(np.abs(x - old)[free] < 0.02 * np.sqrt(np.diag(inverse))):
                 break
         return x
 

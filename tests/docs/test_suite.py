@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -38,7 +39,8 @@ SHORT = [*FIRST, *SAMPLES[::3], "test_short"]
 PROGRAMS_LEFT = [SAMPLES[1], SAMPLES[2], SAMPLES[4], SAMPLES[5], "test_long", "test_slow"]
 ALL = [*FIRST, *SAMPLES, "test_long", "test_slow", "test_short"]
 TEST_CI = ["-m", "not exhaustive or programs", "--left"]
-COMMAND, LATE = "\n{}: $(READY)\n\t@$(BIN)/python -m pytest{}\n", "\t@$(MAKE) --no-print-directory late\n"
+LATE = "; status=$$?; $(MAKE) --no-print-directory late && exit $$status\n"
+COMMAND = "\n{}: $(READY)\n\t@$(BIN)/python -m pytest{}" + LATE
 
 
 @pytest.mark.parametrize(
@@ -61,7 +63,7 @@ def pytest_of(
     if not file.exists() or file.read_text() != tests:
         file.write_text(tests)
     command = [sys.executable, "-m", "pytest", "-n", "0", "-q", *words]
-    environment = os.environ | environment
+    environment = os.environ | {"PYTEST_XDIST_WORKER": "gw0"} | environment
     return subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path, env=environment)
 
 
@@ -173,6 +175,34 @@ def test_what_fails_without_real_time_is_no_test_that_was_late(tmp_path: Path) -
     assert late_in(tmp_path) == []
 
 
+ENDS_BADLY = """
+import pytest
+
+@pytest.fixture
+def rest():
+    yield
+    raise ValueError("its reason")
+
+@pytest.mark.realtime
+def test_in_time(rest): ...
+"""
+
+
+@pytest.mark.parametrize("words", [[], ["--late"]])
+def test_what_a_test_in_real_time_leaves_behind_is_a_failure(tmp_path: Path, words: list[str]) -> None:
+    pytest_of(tmp_path, "unit", ENDS_BADLY.replace("rest): ...", "rest): raise KeyError"))
+    assert late_in(tmp_path) == ["test_in_time"]
+    done = pytest_of(tmp_path, "unit", ENDS_BADLY, *words)
+    assert done.returncode == 1
+    assert "its reason" in done.stdout
+
+
+def test_a_test_in_real_time_that_fails_alone_has_failed(tmp_path: Path) -> None:
+    script = "unset PYTEST_XDIST_WORKER; exec " + shlex.join([sys.executable, "-m", "pytest", "-n", "0", "-q"])
+    pytest_of(tmp_path, "unit", "import pytest\n@pytest.mark.realtime\ndef test_in_time(): raise ValueError", "--co")
+    assert subprocess.run(["sh", "-c", script], cwd=tmp_path, capture_output=True, check=False).returncode == 1
+
+
 def test_one_that_was_late_and_is_not_found_is_told(tmp_path: Path) -> None:
     tests = IN_REAL_TIME.format(marker="skipif(False, reason='')")
     pytest_of(tmp_path, "unit", tests, WRONG="1")
@@ -188,8 +218,8 @@ def test_make_test_all_leaves_nothing_out_and_is_done_every_night() -> None:
         ("test-ci", f' -m "{TEST_CI[1]}" --left'),
         ("test-all", ' -m "" --hypothesis-profile=exhaustive'),
     ):
-        assert COMMAND.format(name, words) + (LATE if name != "test-all" else "") in makefile
-    assert "\nfor target in test-all late " in night
+        assert COMMAND.format(name, words) in makefile
+    assert "\nfor target in test-all " in night
     for target in ("test", "test-ci", "core-coverage"):
         assert f"\nstep make --no-print-directory {target}\n" in change
     assert '"make --no-print-directory docs"\n' in change

@@ -16,7 +16,7 @@ from typing import Any, cast
 
 import msgspec
 import pytest
-from lateness import longest_restart
+from lateness import BACK
 from link_rig import DRIVING, NEUTRAL, ROBOT, SECRET, Net, driving
 from msgspec.structs import replace
 
@@ -402,15 +402,12 @@ def test_a_process_that_is_killed_is_back_on_the_same_port_and_sessions_begin_an
     async def die() -> None:
         loop = asyncio.get_running_loop()
         loop.set_exception_handler(lambda loop, context: met_with.append(context))
-        begun = loop.time()
         device = make(folder, port=port)
         link = device._port
         assert isinstance(link, LinkProcess)
         try:
-            first = 0.0
             for _ in range(3):
                 protocol = await met(port)
-                first = first or loop.time() - begun
 
                 def driven() -> bool:
                     protocol.end.command(NEUTRAL, loop.time())  # noqa: B023 (called here)
@@ -430,7 +427,7 @@ def test_a_process_that_is_killed_is_back_on_the_same_port_and_sessions_begin_an
                 ticking = asyncio.ensure_future(see(lambda: False, device))
                 after = await met(port)
                 ticking.cancel()
-                assert loop.time() - killed <= longest_restart(first)
+                assert loop.time() - killed <= BACK
                 after.abort()
                 await after.closed
             said: list[str] = []
