@@ -51,7 +51,7 @@ are tried first, for the steering is to have something left. Of ARTEMIS they are
 MOST = 16_000
 """Poses that are expanded for each radius."""
 GREEDY, GREEDIER = 1.5, 5.0
-"""The heuristic counts so many times: routes are up to so much longer than the best, and found far sooner."""
+"""The heuristic counts so many times: routes may be about so much longer than the best, and are found far sooner."""
 BY_TURNS = (
     (False, GREEDY, 1_000),
     (False, GREEDIER, 2_000),

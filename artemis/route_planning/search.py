@@ -32,11 +32,11 @@ STEP, PIECES = 0.15, 3
 CURVATURES = 5
 """From hard right to hard left."""
 BACK, CUSP, TURNING = 2.0, 0.5, 0.05
-"""A length driven backwards costs so many times as much; a change of direction so much [m]; steering from straight to
-the limit so much [m]."""
+"""A length driven backwards costs so many times as much, at least; a change of direction so much [m]; steering from
+straight to the limit so much [m]."""
 GREEDY_BACK = 0.5
-"""Backwards it costs by so much more than the heuristic counts at least: else a greedy search would drive backwards
-rather than turn."""
+"""Backwards a length costs by at least so much more than the heuristic counts: else a greedy search would drive
+backwards rather than turn."""
 NARROW = 2.5
 """A length with less room around the outline than is wanted costs so many times as much."""
 SHORTEST = 0.1
@@ -200,7 +200,7 @@ def search(
             turn = wrapped(goal[2] - heading)
             shortest((c * dx + s * dy) / radius, (c * dy - s * dx) / radius, turn, direction[number], prices, word)
             if _joins(poses[number], driven[number], backed[number], behind[number], (clear, begun, known), goal, box,
-                      first_box, bare, radius, resolution, word, stack):  # fmt: skip
+                      first_box, box if left < NEAR else wide, bare, radius, resolution, word, stack):  # fmt: skip
                 return _route(poses, steered, direction, parent, number, word, radius), FOUND, expanded
         count = _expand(number, count, nodes, (keys, best), heap, (clear, begun, cost, to_go, known), box, first_box,
                         wide, bare, radius, resolution, stack, sense, greedy)  # fmt: skip
@@ -285,9 +285,13 @@ def _expand(  # a call for each arc would cost a third of its time
 @compiled
 def _joins(
     pose: Array, driven: float, backed: float, behind: float, fields: tuple[Field, Field, Field], goal: Array,
-    box: Array, first_box: Array, bare: Array, radius: float, resolution: float, word: Array, stack: Array,
+    box: Array, first_box: Array, midway: Array, bare: Array, radius: float, resolution: float, word: Array,
+    stack: Array,
 ) -> bool:  # fmt: skip
-    """Whether a word leads from a pose to the goal, the outline always free."""
+    """Whether a word leads from a pose to the goal, the outline always free: `midway` but for the first and last metre.
+
+    Where there is less room a length costs more, which a word does not count.
+    """
     clear, begun, known = fields
     x, y, heading = pose[0], pose[1], pose[2]
     for piece in range(3):
@@ -297,8 +301,8 @@ def _joins(
         for _ in range(parts):
             x, y, heading = rolled(x, y, heading, step, bend)
             driven += abs(step)
-            first = driven < FIRST
-            field, outline = (begun, first_box) if first else (clear, box)
+            first, last = driven < FIRST, math.hypot(goal[0] - x, goal[1] - y) < FIRST
+            field, outline = (begun, first_box) if first else (clear, box if last else midway)
             if not is_free(x, y, heading, field, resolution, outline, stack):
                 return False
             backed, behind = _went(step, backed, behind)

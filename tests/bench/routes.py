@@ -65,7 +65,9 @@ def main(plans: int) -> None:
                 else:
                     failed.append(f"  {seed}: {found.detail}")
             name = f"{kind}, {'with' if sees else 'without'} scanner: {plans} plans"
-            print(f"{name}, {words(figures)}; at least {100 * min(rooms):.1f} cm free; {len(failed)} without route")
+            print(
+                f"{name}, {words(figures)}; at least {100 * min(rooms, default=math.nan):.1f} cm free; {len(failed)} without route"
+            )
             for line in failed:
                 print(line)
             everything += figures

@@ -81,6 +81,14 @@ def test_a_route_is_free_drivable_and_ends_at_the_goal(
     assert "radius 0.50 m" in found.detail
 
 
+def test_a_route_keeps_off_what_the_straight_one_would_pass_closely() -> None:
+    on = floor((2.4, 1.35, 2.7, 1.65))
+    route = unpacked_route(planned(on, goal=Pose(x=3.6, y=1.0)).values)
+
+    assert min(room(on.occupied, pose) for pose in route.poses(0.02)) >= 0.18
+    assert len(route.parts) == 1
+
+
 def test_a_goal_behind_a_wall_is_told_without_a_search() -> None:
     found = planned(floor((2.5, 0.0, 2.7, 3.0)))
     assert (found.values, found.expanded) == ((), 0)
@@ -88,7 +96,7 @@ def test_a_goal_behind_a_wall_is_told_without_a_search() -> None:
 
 
 def test_a_goal_that_is_hard_to_get_into_is_sought_from_there() -> None:
-    """From the start alone it is not found among 30,000 poses."""
+    """By a search from the start alone it is hardly found."""
     cells = small_plan("clutter", 113).content.cells
     on = floor_from(OccupancyMap(cells=cells, resolution=CELL, origin=(0.0, 0.0, 0.0)))
     start = Pose(x=4.406474801287613, y=5.403271395871308, heading=1.3283234343261283)
