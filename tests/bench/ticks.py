@@ -51,7 +51,7 @@ def rows() -> list[Row]:
             budget="<= 1.6 x canopen's exchange, p99 <= 8 x",
             held=middle <= 1.6 * theirs and tail <= 8.0 * theirs,
             peer=f"{middle / theirs:.1f} x, p99 {tail / theirs:.1f} x; "
-            f"of one exchange after each tick, {microseconds(beside)}: {middle / beside:.1f} x, p99 {tail / beside:.1f} x",
+            f"of one after each tick, {microseconds(beside)}: {middle / beside:.1f} x, p99 {tail / beside:.1f} x",
         ),
         Row(
             name="simulated bus, drives and vehicle, per tick",
