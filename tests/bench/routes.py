@@ -65,9 +65,8 @@ def main(plans: int) -> None:
                 else:
                     failed.append(f"  {seed}: {found.detail}")
             name = f"{kind}, {'with' if sees else 'without'} scanner: {plans} plans"
-            print(
-                f"{name}, {words(figures)}; at least {100 * min(rooms, default=math.nan):.1f} cm free; {len(failed)} without route"
-            )
+            free = f"at least {100 * min(rooms, default=math.nan):.1f} cm free"
+            print(f"{name}, {words(figures)}; {free}; {len(failed)} without route")
             for line in failed:
                 print(line)
             everything += figures
