@@ -325,12 +325,12 @@ def test_a_run_s_observer_is_killed_again_and_again_and_takes_the_process_of_dds
     domain: int, closing: ExitStack, tmp_path: Path
 ) -> None:
     context = PluginContext(name="dds", robot=ROBOT, folder=tmp_path, run=tmp_path)
+    other, ticks = program(domain, closing, ("/odom", ODOMETRY)), iter(TICKS)
+    other.begin()
+    heard, begun = other.heard["/odom"], monotonic()
     observer = ObserverProcess(Ros2Observer, Ros2ObserverConfig(domain=domain), context)
     closing.callback(observer.close)
     observer.wait()
-    other, ticks = program(domain, closing, ("/odom", ODOMETRY)), iter(TICKS)
-    other.begin()
-    heard = other.heard["/odom"]
 
     def tick() -> None:
         shown = next(ticks)
@@ -338,6 +338,7 @@ def test_a_run_s_observer_is_killed_again_and_again_and_takes_the_process_of_dds
         observer.take_problems()
 
     until(lambda: heard, tick)
+    first = monotonic() - begun
     for _ in range(3):
         pid = observer.pid
         assert pid is not None
@@ -347,7 +348,7 @@ def test_a_run_s_observer_is_killed_again_and_again_and_takes_the_process_of_dds
         until(lambda: observer.pid != pid, tick)  # noqa: B023 (called here)
         until(lambda: is_over(dds), tick)  # noqa: B023
         until(lambda: len(heard) > before + 1, tick)  # noqa: B023
-        assert monotonic() - killed <= BACK
+        assert monotonic() - killed <= max(BACK, 1.5 * first)  # two processes: a slow computer is slow each time
 
 
 @pytest.mark.realtime
