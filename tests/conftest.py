@@ -135,8 +135,10 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     whole = config.args_source is pytest.Config.ArgsSource.TESTPATHS and not config.option.keyword
     complete = whole and not config.getoption("left") and not config.getoption("late")
     late = set() if complete else _kept(config, LATE)
-    late |= {report.nodeid for report in skipped if TOO_BUSY in str(report.longrepr)}
     late -= {report.nodeid for report in terminal.stats.get("passed", [])}
+    late |= {
+        report.nodeid for report in skipped if TOO_BUSY in str(report.longrepr)
+    }  # also what passed, and then left something behind
     if cache := _cache(config):
         cache.set(LATE, sorted(late))
         if complete:
@@ -192,13 +194,10 @@ def pytest_configure() -> None:
 def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """What fails in real time beside other tests may have been held up by them: `--late` repeats it alone.
-
-    What is left behind by one, as seen when it ends, is a failure at once.
-    """
+    """What fails in real time beside other tests may have been held up by them: `--late` repeats it alone."""
     report = yield
     beside = "PYTEST_XDIST_WORKER" in os.environ and item.get_closest_marker("realtime")
-    if report.failed and beside and report.when != "teardown" and not item.config.getoption("late"):
+    if report.failed and beside and not item.config.getoption("late"):
         reason = f"{BESIDE_OTHERS}, where this machine may be {TOO_BUSY}; `make late` repeats it alone"
         report.outcome = "skipped"
         report.longrepr = (str(item.path), item.location[1] or 0, f"{reason}: {report.longreprtext}")
