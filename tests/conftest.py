@@ -136,9 +136,8 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     complete = whole and not config.getoption("left") and not config.getoption("late")
     late = set() if complete else _kept(config, LATE)
     late -= {report.nodeid for report in terminal.stats.get("passed", [])}
-    late |= {
-        report.nodeid for report in skipped if TOO_BUSY in str(report.longrepr)
-    }  # also what passed, and then left something behind
+    late |= {report.nodeid for report in skipped if TOO_BUSY in str(report.longrepr)}  # also at its end
+    late |= _kept(config, LATE) & {report.nodeid for report in terminal.stats.get("error", [])}
     if cache := _cache(config):
         cache.set(LATE, sorted(late))
         if complete:
@@ -147,8 +146,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
         if late:
             terminal.section("still not passed", red=True)
             terminal.line("\n".join(sorted(late)))
-        failed = late or terminal.stats.get("error")
-        session.exitstatus = pytest.ExitCode.TESTS_FAILED if failed else pytest.ExitCode.OK
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED if late else pytest.ExitCode.OK
     elif config.getoption("left") and os.environ.get("CI") == "true":
         reasons = [str(report.longrepr) for report in skipped]
         wrong = [reason for reason in reasons if not any(allowed in reason for allowed in SKIPPED_IN_CI)]

@@ -191,9 +191,10 @@ def test_in_time(rest): ...
 def test_what_a_test_in_real_time_leaves_behind_is_not_forgotten(tmp_path: Path) -> None:
     assert pytest_of(tmp_path, "unit", ENDS_BADLY).returncode == 0
     assert late_in(tmp_path) == ["test_in_time"]
-    done = pytest_of(tmp_path, "unit", ENDS_BADLY, "--late")
-    assert done.returncode == 1
-    assert "its reason" in done.stdout
+    for _ in range(2):
+        done = pytest_of(tmp_path, "unit", ENDS_BADLY, "--late")
+        assert done.returncode == 1
+        assert "its reason" in done.stdout
 
 
 def test_a_test_in_real_time_that_fails_alone_has_failed(tmp_path: Path) -> None:
