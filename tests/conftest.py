@@ -30,7 +30,7 @@ LATE = "artemis/late"
 """Where it has those in real time that failed beside others, and that no run since the last complete one has passed."""
 WHOLE = "artemis/whole"
 """Where it has the files without tests that only `make test-ci` runs, each with the time of its last change."""
-TOO_BUSY, BESIDE_OTHERS = "too busy for real time", "failed beside other tests"
+TOO_BUSY = "too busy for real time"
 FETCHED = ("built by scripts/serial_peers", "libLMS1xx: built by scripts/scanner_peers")
 SKIPPED_IN_CI = ("/dev/u", "vcan0", TOO_BUSY, "ARTEMIS_SLAM_DATA", "root reads", *FETCHED)
 """Parts of the reasons for which the continuous integration may skip a test: hardware, the load, data that may
@@ -196,7 +196,7 @@ def pytest_runtest_makereport(
     report = yield
     beside = "PYTEST_XDIST_WORKER" in os.environ and item.get_closest_marker("realtime")
     if report.failed and beside and not item.config.getoption("late"):
-        reason = f"{BESIDE_OTHERS}, where this machine may be {TOO_BUSY}; `make late` repeats it alone"
+        reason = f"failed beside other tests, where this machine may be {TOO_BUSY}; `make late` repeats it alone"
         report.outcome = "skipped"
         report.longrepr = (str(item.path), item.location[1] or 0, f"{reason}: {report.longreprtext}")
     return report

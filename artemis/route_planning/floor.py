@@ -116,17 +116,12 @@ def clearance(occupied: Cells) -> Field:
     """
     from scipy.ndimage import distance_transform_edt
 
-    framed = distance_transform_edt(np.pad(~occupied, 1))[1:-1, 1:-1]
-    return np.asarray(np.maximum(CELL * framed - CELL * math.sqrt(0.5), 0.0), np.float32)
-
-
-def clearance_within(free: Cells) -> Field:
-    """`clearance` of all that is not free, where little is."""
-    clear = np.zeros(free.shape, np.float32)
-    if free.any():
+    free, clear = ~occupied, np.zeros(occupied.shape, np.float32)
+    if free.any():  # only around that there is anything to compute: of known ground there is often little
         rows, columns = (np.flatnonzero(free.any(axis)) for axis in (1, 0))
         some = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
-        clear[some] = clearance(~free[some])
+        framed = distance_transform_edt(np.pad(free[some], 1))[1:-1, 1:-1]
+        clear[some] = np.maximum(CELL * framed - CELL * math.sqrt(0.5), 0.0)
     return clear
 
 

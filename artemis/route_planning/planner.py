@@ -26,7 +26,6 @@ from artemis.route_planning.floor import (
     Field,
     Floor,
     clearance,
-    clearance_within,
     covered,
     outline_box,
 )
@@ -190,7 +189,7 @@ class _Planning:
         if request.over_known:
             known = known_ground(request.placed_scans, request.robot, self._floor)
             known |= covered(np.ones_like(known), self._start, self._bare)
-            self._known = clearance_within(known)
+            self._known = clearance(~known)
         self._expanded = 0
         self._reasons: list[str] = []
         self._askew: PlannedRoute | None = None

@@ -50,7 +50,7 @@ AT_GOAL = 0.01
 FINEST = 0.01
 """Pieces of the outline are not divided below this radius [m]."""
 FIRST = 1.0
-"""So much of the distance counts as its beginning [m]."""
+"""So much of the distance counts as its beginning [m], and so near the goal a curve to it as its end."""
 BEHIND, MOST_BACK = 2.0, 1.0
 """Of what was driven forwards on the route, so much is known well enough to be driven back over [m], in pieces of so
 much [m]: they may bend otherwise."""

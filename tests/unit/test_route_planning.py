@@ -11,6 +11,7 @@ import pytest
 from msgspec.structs import replace
 from numpy.typing import NDArray
 from pydantic import ValidationError
+from scipy.ndimage import distance_transform_edt  # scipy has no types
 
 from artemis.mapping.occupancy import OccupancyMap
 from artemis.mission.loading import load_model
@@ -18,7 +19,7 @@ from artemis.motion.planned_route import unpacked_route
 from artemis.mounting import Outline
 from artemis.route_planning.curves import rolled, shortest
 from artemis.route_planning.device import warm_up
-from artemis.route_planning.floor import CELL, Floor, clearance, clearance_within, floor_from, goal_problem, resampled
+from artemis.route_planning.floor import CELL, Floor, clearance, floor_from, goal_problem, resampled
 from artemis.route_planning.obstacle_layer import PlacedScan, known_ground, placed_returns, standing
 from artemis.route_planning.planner import PlannedRoute, RouteRequest, plan_route
 from artemis.route_planning.zones import MapZone
@@ -223,11 +224,13 @@ def test_masks_keep_what_they_hold_in_cells_of_another_size() -> None:
     assert np.argwhere(resampled(rough, 0.10)).tolist() == [[2, 4], [2, 5], [3, 4], [3, 5]]
 
 
-def test_clearance_within_little_that_is_free_is_that_of_the_whole() -> None:
+def test_clearance_in_little_that_is_free_is_that_of_the_whole() -> None:
     free = np.zeros((30, 40), bool)
     free[5:17, 30:] = free[8, 20:30] = True
-    assert np.array_equal(clearance_within(free), clearance(~free))
-    assert not clearance_within(np.zeros((3, 4), bool)).any()
+    framed = distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1]
+    whole = np.asarray(np.maximum(CELL * framed - CELL * math.sqrt(0.5), 0.0), np.float32)
+    assert np.array_equal(clearance(~free), whole)
+    assert not clearance(np.ones((3, 4), bool)).any()
 
 
 def test_zones_say_what_they_need() -> None:
