@@ -54,9 +54,9 @@ GREEDY, GREEDIER = 1.5, 5.0
 BY_TURNS = (
     (False, GREEDY, 1_000),
     (False, GREEDIER, 2_000),
-    (True, GREEDIER, 1_000),
+    (True, GREEDIER, 2_000),
     (False, GREEDIER, 6_000),
-    (True, GREEDIER, MOST - 10_000),
+    (True, GREEDIER, MOST - 11_000),
 )
 """Whether they are sought from the goal, how greedily, and among how many: at a narrow end the search from the other
 floods all that is in front of it."""
@@ -262,7 +262,7 @@ class _Planning:
         known = self._known if each.over_known else self._anywhere
         points, why, expanded = search(
             self._clear, begun, self._cost, field, *ends, self._box, first, self._wide,
-            self._anywhere if each.from_goal else known, self._bare, each.radius, CELL, each.most,
+            known, self._bare, each.radius, CELL, each.most,
             -1.0 if each.from_goal else 1.0, each.greedy,
         )  # fmt: skip
         self._expanded += expanded

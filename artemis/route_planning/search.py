@@ -163,7 +163,8 @@ def search(
         box: front, rear (negative behind the axle) and half width of the outline.
         first_box: in the first metre.
         wide: outline with as much room as is wanted.
-        known: distance from each cell's middle to the nearest cell of unknown ground, see `_went`.
+        known: distance from each cell's middle to the nearest cell of unknown ground, see `_went`; from the goal less
+            is refused than by `is_known`.
         bare: outline that counts there.
         radius: least one of the rear axle's path.
         resolution: side of a cell.
@@ -182,7 +183,7 @@ def search(
     room = 6 * most + 16
     poses, spent, driven = np.empty((room, 3)), np.empty(room), np.empty(room)
     steered, direction, parent = np.empty(room), np.empty(room, np.int8), np.empty(room, np.int64)
-    backed, behind = np.zeros(room), np.full(room, bare[1] - bare[0])
+    backed, behind = np.zeros(room), np.full(room, bare[1] - bare[0] if sense > 0.0 else BEHIND)
     size = 2 ** int(math.log2(2 * room) + 1.0)
     keys, best, count, expanded = np.full(size, -1, np.int64), np.empty(size, np.float32), 1, 0
     poses[0], spent[0], driven[0], steered[0], direction[0], parent[0] = start, 0.0, 0.0, 0.0, 0, -1
@@ -199,8 +200,9 @@ def search(
             c, s, dx, dy = math.cos(heading), math.sin(heading), goal[0] - x, goal[1] - y
             turn = wrapped(goal[2] - heading)
             shortest((c * dx + s * dy) / radius, (c * dy - s * dx) / radius, turn, direction[number], prices, word)
+            midway = box if left < NEAR else wide
             if _joins(poses[number], driven[number], backed[number], behind[number], (clear, begun, known), goal, box,
-                      first_box, box if left < NEAR else wide, bare, radius, resolution, word, stack):  # fmt: skip
+                      first_box, midway, bare, radius, resolution, word, stack, sense):  # fmt: skip
                 return _route(poses, steered, direction, parent, number, word, radius), FOUND, expanded
         count = _expand(number, count, nodes, (keys, best), heap, (clear, begun, cost, to_go, known), box, first_box,
                         wide, bare, radius, resolution, stack, sense, greedy)  # fmt: skip
@@ -212,7 +214,8 @@ def _went(step: float, backed: float, behind: float) -> tuple[float, float]:
     """Distance reversed without a break, and length of the path behind that was driven forwards, after a step [m].
 
     Where the latter is negative, or the former above `MOST_BACK`, the robot may reverse over known ground only. At its
-    start a robot has not seen what is beside it, so the latter starts at minus its length.
+    start a robot has not seen what is beside it, so the latter starts at minus its length. A search from the goal
+    takes the steps in the opposite order, and counts down from `BEHIND` what has to be driven forwards before them.
     """
     if step >= 0.0:
         return 0.0, min(behind + step, BEHIND)
@@ -242,34 +245,43 @@ def _expand(  # a call for each arc would cost a third of its time
     """Add the ends of all free arcs from a pose that are better than what led there before; how many poses then."""
     poses, spent, driven, steered, direction, parent, backed, behind = nodes
     (keys, best), (clear, begun, cost, to_go, known) = table, fields
-    columns, ahead = clear.shape[1], box[1] + box[2]
+    (rows, columns), ahead, arc = clear.shape, box[1] + box[2], np.empty((PIECES, 3))
     x, y, heading = poses[number, 0], poses[number, 1], poses[number, 2]
     for drive in (1, -1):
-        back, left_behind = _went(drive * STEP, backed[number], behind[number])
-        has_to_be_known = drive < 0 and (back > MOST_BACK + 1e-6 or left_behind < 0.0)
+        back, left_behind = _went(sense * drive * STEP, backed[number], behind[number])
+        has_to_be_known = sense * drive < 0 and (back > MOST_BACK + 1e-6 or left_behind < 0.0)
         for choice in range(CURVATURES):
             bend = (2.0 * choice / (CURVATURES - 1) - 1.0) / radius
-            nx, ny, nh, free, narrow = x, y, heading, True, False
+            nx, ny, nh = x, y, heading
             for piece in range(PIECES):
                 nx, ny, nh = rolled(nx, ny, nh, drive * STEP / PIECES, bend)
+                arc[piece, 0], arc[piece, 1], arc[piece, 2] = nx, ny, nh
+            row, column = math.floor(ny / resolution), math.floor(nx / resolution)
+            if row < 0 or column < 0 or row >= rows or column >= columns:
+                continue
+            key = _key(nx, ny, nh, columns)
+            place = _slot(keys, key)
+            step = STEP * (max(BACK, greedy + GREEDY_BACK) if sense * drive < 0 else 1.0) * cost[row, column]
+            before = spent[number] + TURNING * abs(bend - steered[number]) * radius
+            before += CUSP if direction[number] * drive < 0 else 0.0
+            if keys[place] == key and before + step >= best[place] - 1e-4:
+                continue  # also where there is room
+            free, narrow = True, False
+            for piece in range(PIECES):
+                px, py, ph = arc[piece, 0], arc[piece, 1], arc[piece, 2]
                 first = driven[number] + (piece + 1) * STEP / PIECES < FIRST
                 field, outline = (begun, first_box) if first else (clear, box)
-                narrow = narrow or not is_free(nx, ny, nh, clear, resolution, wide, stack)
-                if narrow and not is_free(nx, ny, nh, field, resolution, outline, stack):
+                narrow = narrow or not is_free(px, py, ph, clear, resolution, wide, stack)
+                if narrow and not is_free(px, py, ph, field, resolution, outline, stack):
                     free = False
                     break
-                if has_to_be_known and not is_free(nx, ny, nh, known, resolution, bare, stack):
+                if has_to_be_known and not is_free(px, py, ph, known, resolution, bare, stack):
                     free = False
                     break
             left = _left(to_go, nx, ny, nh, ahead, resolution) if free else FAR
             if left > UNREACHABLE:
                 continue
-            step = STEP * (max(BACK, greedy + GREEDY_BACK) if sense * drive < 0 else 1.0) * (NARROW if narrow else 1.0)
-            price = spent[number] + step * cost[int(ny / resolution), int(nx / resolution)]
-            price += TURNING * abs(bend - steered[number]) * radius
-            price += CUSP if direction[number] * drive < 0 else 0.0
-            key = _key(nx, ny, nh, columns)
-            place = _slot(keys, key)
+            price = before + step * (NARROW if narrow else 1.0)
             if keys[place] == key and price >= best[place] - 1e-4:
                 continue
             keys[place], best[place] = key, price
@@ -286,7 +298,7 @@ def _expand(  # a call for each arc would cost a third of its time
 def _joins(
     pose: Array, driven: float, backed: float, behind: float, fields: tuple[Field, Field, Field], goal: Array,
     box: Array, first_box: Array, midway: Array, bare: Array, radius: float, resolution: float, word: Array,
-    stack: Array,
+    stack: Array, sense: float,
 ) -> bool:  # fmt: skip
     """Whether a word leads from a pose to the goal, the outline always free: `midway` but for the first and last metre.
 
@@ -305,8 +317,8 @@ def _joins(
             field, outline = (begun, first_box) if first else (clear, box if last else midway)
             if not is_free(x, y, heading, field, resolution, outline, stack):
                 return False
-            backed, behind = _went(step, backed, behind)
-            has_to_be_known = step < -1e-9 and (backed > MOST_BACK + 1e-6 or behind < 0.0)
+            backed, behind = _went(sense * step, backed, behind)
+            has_to_be_known = sense * step < -1e-9 and (backed > MOST_BACK + 1e-6 or behind < 0.0)
             if has_to_be_known and not is_free(x, y, heading, known, resolution, bare, stack):
                 return False
             behind = max(behind, bare[1] - bare[0])

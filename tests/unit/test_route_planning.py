@@ -17,11 +17,13 @@ from artemis.mapping.occupancy import OccupancyMap
 from artemis.mission.loading import load_model
 from artemis.motion.planned_route import unpacked_route
 from artemis.mounting import Outline
+from artemis.route_planning import planner
 from artemis.route_planning.curves import rolled, shortest
 from artemis.route_planning.device import warm_up
 from artemis.route_planning.floor import CELL, Floor, clearance, floor_from, goal_problem, resampled
 from artemis.route_planning.obstacle_layer import PlacedScan, known_ground, placed_returns, standing
 from artemis.route_planning.planner import PlannedRoute, RouteRequest, plan_route
+from artemis.route_planning.search import MOST_BACK
 from artemis.route_planning.zones import MapZone
 from artemis.scan import Scan
 from artemis.values import Pose
@@ -322,6 +324,35 @@ def test_a_route_begins_backwards_over_known_ground_if_there_is_some(driven: boo
     assert first.backward
     row, column = on.cells_of(np.column_stack([first.path.x, first.path.y])[:40] - (REAR - 0.01, 0.0))
     assert known[row, column].all() == driven
+
+
+def test_a_search_from_the_goal_drives_backwards_over_unknown_ground_only_as_far_as_allowed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The shortest route would go back 2.8 m to a goal at a wall, where nobody has looked."""
+    monkeypatch.setattr(planner, "BY_TURNS", ((True, planner.GREEDIER, 8_000),))
+    on = floor_from(small_plan("clutter", 7).content)
+    start, goal = Pose(x=4.607, y=4.230, heading=-2.867), Pose(x=2.48, y=0.594, heading=-0.019)
+    seen = (PlacedScan(1.0, start, scan_with(WALLS, 1.0)),)
+
+    def farthest_back(**keys: object) -> float:
+        parts = unpacked_route(planned(on, start, goal, placed_scans=seen, **keys).values).parts
+        return max(part.path.length for part in parts if part.backward)
+
+    assert farthest_back() > 2.0
+    assert farthest_back(over_known=True) < MOST_BACK + 0.1
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "counts"),
+    [(4000, 4000, True), (1000, 4000, False), (4000, 1000, False), (1000, 0, False), (0, 0, True), (1750, 4000, True)],
+)
+def test_what_a_beam_measures_between_two_things_is_nowhere(before: int, after: int, counts: bool) -> None:
+    """It meets the edge of what is near, and what is behind it; a pole is nearer than both of its neighbours."""
+    ranges = WALLS.copy()
+    ranges[250:270], ranges[270], ranges[271:290] = before, 1800, after
+    returns = placed_returns(PlacedScan(1.0, Pose(), scan_with(ranges, 1.0)), ROBOT.scanners["front"])
+    assert bool((np.abs(returns[:, 0] - 0.56 - 1.8) < 0.01).any()) == counts
 
 
 @pytest.mark.parametrize("size", [0.5, 1.0, 3.0])
