@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -17,6 +18,9 @@ from artemis.mission.page import PAGE
 from artemis.page.access import grouped, key_place, new_code, read_key
 from artemis.page.certificates import kept, make, names
 from artemis.page.observer import PageObserverConfig, url_of
+
+ANSWERS = 2.0
+"""A page accepts a connection within this time [s]."""
 
 
 def page_options(port: int | None, address: str | None, tls: tuple[Path, Path] | None) -> dict[str, Any]:
@@ -63,8 +67,16 @@ def certify(given: Sequence[str]) -> None:
 
 
 def pair(port: int | None, address: str | None) -> None:
-    """Say how one more browser is paired. Raises ConfigError."""
-    announce(config_from(page_options(port, address, None)))
+    """Say how one more browser is paired, and whether a page is there. Raises ConfigError."""
+    config = config_from(page_options(port, address, None))
+    announce(config)
+    try:
+        socket.create_connection((config.listen, config.port), ANSWERS).close()
+    except OSError as error:
+        sys.stdout.write(
+            f"warning       nothing answers at {url_of(config)} ({error.strerror or error}): is a page served now, and "
+            "on this port? --page-port N\n"
+        )
 
 
 def announce(config: PageObserverConfig | None) -> None:

@@ -133,14 +133,14 @@ def run_in_sight(
     operator = started_by or at_keys
     terminate = partial(signal.raise_signal, signal.SIGTERM)  # nobody sees what the robot does: an ordered end
     _forewarn(loaded, low_disk(loaded.folder / loaded.mission.record, Disk()) if operator or fast else None)
-    if not started_by:
-        announce(page_of(loaded))
     robot, title = loaded.robot, _title(loaded, simulated)
     keys_heard = hint if at_keys and not started_by else ""
     view = LiveView(title, keys_heard, terminate, robot.bitrate, robot.errors, _times(loaded))
     for prepare in () if fast else preparations(loaded, simulated):
         _print("prepares", "scan matching, before the robot is touched: compiled, half a minute the first time")
         prepare()
+    if not started_by:
+        announce(page_of(loaded))
     outcome = run_mission(
         loaded,
         source,

@@ -7,6 +7,7 @@ hangs never holds it up.
 from __future__ import annotations
 
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -26,6 +27,8 @@ CANCEL_TIME = 10.0
 """Time to end before its first tick, or after its last if it is no longer waited for [s]; then it is killed."""
 END_TIME = 90.0
 """Time to end in order, and to write its report [s]; then it is killed."""
+RESULT = "result  "
+"""Begins the line of a run's summary that says how it ended."""
 MOST_OUTPUT, MOST_LINES, LONGEST_LINE = 1 << 20, 40, 300
 ENDINGS = {
     0: "done",
@@ -111,7 +114,7 @@ class StartedRun:
     def outcome(self) -> str:
         """How it ended."""
         status = self._process.returncode
-        words = ending(status)
+        words = (self._result() if status in (0, 1) else "") or ending(status)
         if status < 0 and not self.is_ready:
             words = f"killed by {signal.Signals(-status).name} before its first tick; "
             words += "it had enabled no drive, and one that was enabled stops by its own watchdog"
@@ -120,6 +123,11 @@ class StartedRun:
                 "it was not waited for after its last tick; the drives were released before, its report may be missing"
             )
         return self._why + words
+
+    def _result(self) -> str:
+        """What it printed as its result; empty: nothing."""
+        results = [line.removeprefix(RESULT).strip() for line in self.lines() if line.startswith(RESULT)]
+        return re.sub("^FAILED", "failed", results[-1]) if results else ""
 
     def lines(self) -> list[str]:
         """Its last lines."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 
 from artemis.recording.journal import Entry
@@ -36,19 +35,36 @@ def next_step(row: Row, severity: Severity, final: bool) -> str:
     return NEVER if final else _NEXT.get(row.recovery.kind, NEVER)
 
 
+def by_fault(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
+    """The faults of a run by row and device, in the order they came first: `LAS-03 front`."""
+    found: dict[str, list[Entry]] = {}
+    for entry in entries:
+        if entry.kind == "fault":
+            id, _, text = entry.text.partition(" ")
+            device = entry.data.get("device", text.partition(": ")[0] if ": " in text else "")
+            found.setdefault(f"{id} {device}".rstrip(), []).append(entry)
+    return found
+
+
 def explained(entries: Sequence[Entry]) -> list[tuple[str, str, str, str, str]]:
-    """Each fault once, in the order they came: run time [s], how often and what, where to look, what was done, next."""
-    faults = [entry for entry in entries if entry.kind == "fault"]
-    times = Counter(entry.text for entry in faults)
+    """Each fault of a device once, as it was worst, in the order they came first.
+
+    Run time of the first [s], what and how often, where to look, what was done, next.
+    """
     rows = []
-    for entry in {entry.text: entry for entry in reversed(faults)}.values():
-        row = ROWS.get(entry.text.split(" ", 1)[0])
+    for times in by_fault(entries).values():
+        row = ROWS.get(times[0].text.split(" ", 1)[0])
         if row is not None:
-            severity = Severity[entry.data["severity"]] if "severity" in entry.data else row.severity
-            what = entry.text + (f" ({times[entry.text]} times)" if times[entry.text] > 1 else "")
-            then = next_step(row, severity, entry.data.get("recovery") == Kind.NEVER.value)
-            rows.append((f"{entry.time:.2f}", what, row.advice, DID.get(severity, ""), then))
-    return rows[::-1]
+            worst = max(times, key=lambda entry: (entry.data.get("recovery") == Kind.NEVER.value, _severity(entry, row)))
+            what = worst.text + (f" ({len(times)} times)" if len(times) > 1 else "")
+            severity, final = _severity(worst, row), worst.data.get("recovery") == Kind.NEVER.value
+            did = DID.get(severity, "")
+            rows.append((f"{times[0].time:.2f}", what, row.advice, did, next_step(row, severity, final)))
+    return rows
+
+
+def _severity(entry: Entry, row: Row) -> Severity:
+    return Severity[entry.data["severity"]] if "severity" in entry.data else row.severity
 
 
 def histories(entries: Sequence[Entry]) -> list[str]:

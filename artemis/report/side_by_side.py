@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from pathlib import Path
@@ -11,6 +10,7 @@ from artemis.errors import ConfigError
 from artemis.recording.disk import write_whole
 from artemis.recording.mcap_reader import Recording
 from artemis.report.chart_data import ChartData, ShownRun
+from artemis.report.fault_words import by_fault
 from artemis.report.page import details, faults_section, with_map
 from artemis.report.page_parts import chart_sections, framed, map_section, table
 from artemis.report.path_map import PathMap
@@ -19,6 +19,8 @@ from artemis.report.summary import Summary, summary
 
 NAMES = ("A", "B")
 START = "start"
+RESULT = "result"
+"""A row in words: on the page it stands above, with the names of the runs."""
 _MILLI, _DEGREES, _PERCENT = 1000.0, 57.29577951308232, 100.0
 _ROWS: tuple[tuple[str, float, int, Callable[[Summary], float | None]], ...] = (
     ("duration [s]", 1.0, 2, lambda facts: facts.duration),
@@ -60,7 +62,7 @@ def write_side_by_side(first: Recording, second: Recording, out: Path, at: str =
     picture = PathMap(shown)
     data = ChartData(shown, begins, picture.places())
     each = list(zip(NAMES, recordings, facts, runs, strict=True))
-    kinds = [("warn" if cells[0].startswith("fault ") else "", cells) for cells in rows]
+    kinds = [("warn" if cells[0].startswith("fault ") else "", cells) for cells in rows if cells[0] != RESULT]
     parts = [
         "<h1>Two runs</h1>",
         *(f'<p class="run r{number}">{_who(name, of, told)}</p>' for number, (name, of, told, _) in enumerate(each)),
@@ -102,21 +104,21 @@ def _chosen(names: Sequence[str], at: str) -> int:
 
 
 def _differences(facts: Sequence[Summary], runs: Sequence[Series]) -> list[tuple[str, ...]]:
-    rows: list[tuple[str, ...]] = [("result", facts[0].result, facts[1].result, "")]
+    rows: list[tuple[str, ...]] = [(RESULT, facts[0].result, facts[1].result, "")]
     for name, scale, digits, value in _ROWS:
         rows.append(_row(name, [value(told) for told in facts], scale, digits))
     steps = [{step.name: step.time for step in reversed(run.mission.ran)} for run in runs]
     for name in dict.fromkeys(step.name for run in runs for step in run.mission.ran):
         rows.append(_row(f"time in {name} [s]", [each.get(name) for each in steps], 1.0, 2))
-    faults = [Counter(told.faults) for told in facts]
-    rows.append(_row("faults", [float(each.total()) for each in faults], 1.0, 0))
+    faults = [{name: len(times) for name, times in by_fault(run.entries).items()} for run in runs]
+    rows.append(_row("faults", [float(sum(each.values())) for each in faults], 1.0, 0))
     for fault in dict.fromkeys([*faults[0], *faults[1]]):
-        rows.append(_row(f"fault {fault}", [float(each[fault]) for each in faults], 1.0, 0))
+        rows.append(_row(f"fault {fault}", [float(each.get(fault, 0)) for each in faults], 1.0, 0))
     return [row for row in rows if any(row[1:3])]
 
 
 def _row(name: str, values: Sequence[float | None], scale: float, digits: int) -> tuple[str, ...]:
     first, second = (None if value is None else scale * value for value in values)
     cells = ["" if value is None else f"{value:.{digits}f}" for value in (first, second)]
-    difference = "" if first is None or second is None else f"{second - first:+.{digits}f}"
+    difference = "" if first is None or second is None else f"{second - first:+z.{digits}f}"
     return name, *cells, difference

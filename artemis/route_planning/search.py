@@ -163,8 +163,7 @@ def search(
         box: front, rear (negative behind the axle) and half width of the outline.
         first_box: in the first metre.
         wide: outline with as much room as is wanted.
-        known: distance from each cell's middle to the nearest cell of unknown ground, see `_went`; from the goal less
-            is refused than by `is_known`.
+        known: distance from each cell's middle to the nearest cell of unknown ground, see `_went`.
         bare: outline that counts there.
         radius: least one of the rear axle's path.
         resolution: side of a cell.

@@ -10,11 +10,12 @@ from typing import Any
 
 import pytest
 from browser import chromium, closed_after, own_key
+from msgspec.structs import replace
 from page_rig import MISSIONS, PageRig, Recorded, page_rig, recorded
 from test_page import PHONE, in_control, until
 
 from artemis.mission.zones import zones_in
-from artemis.values import Pose
+from artemis.values import Pose, Request
 
 pytestmark = pytest.mark.realtime
 MISSION = {
@@ -116,6 +117,15 @@ def test_a_zone_is_drawn_listed_and_removed_on_a_phone(chromium: Any, rig: PageR
     until(page, "document.getElementById('act-said').textContent.startsWith('The zone is removed')")
     assert beside.read_bytes() == before
     assert page.troubles == []
+
+
+def test_a_request_that_leads_to_nothing_is_answered(chromium: Any, rig: PageRig) -> None:
+    page = in_control(chromium, rig)
+    tick, traffic = rig.run.ticks[rig.place]
+    asked = replace(tick.snapshot.sensed, requests=(Request.ARM,))
+    rig.observer.see(replace(tick, snapshot=replace(tick.snapshot, sensed=asked)), traffic, asked.time)
+    until(page, "document.getElementById('act-said').textContent == 'Arm: ignored, the drives are armed.'")
+    assert page.locator("#act-said.bad").is_visible()
 
 
 def test_who_has_no_control_is_told_so_and_may_not(chromium: Any, rig: PageRig) -> None:

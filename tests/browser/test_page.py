@@ -170,6 +170,28 @@ def test_what_the_robot_does_is_shown(chromium: Any, rig: PageRig) -> None:
     assert page.troubles == []
 
 
+def test_a_fault_that_comes_again_does_not_take_the_view(chromium: Any, rig: PageRig) -> None:
+    page = opened(chromium, rig)
+
+    def show(*devices: str) -> None:
+        words = {"id": "DRV-25", "severity": 4, "text": "cannot follow", "look": "", "artemis": "", "next": ""}
+        faults = [{**words, "device": device} for device in devices]
+        page.evaluate("faults => import('/static/panels.js').then(panels => panels.showFaults(faults))", faults)
+
+    def selected() -> str:
+        return str(page.get_attribute("[role=tab][aria-selected=true]", "id"))
+
+    show("steer-left")
+    assert selected() == "tab-faults"
+    page.click("#tab-charts")
+    show()
+    show("steer-left")
+    assert selected() == "tab-charts"
+    assert "quick stop: DRV-25" in page.text_content("#announce")
+    show("steer-left", "steer-right")
+    assert selected() == "tab-faults"
+
+
 def test_a_page_that_hears_nothing_says_so_and_still_stops(chromium: Any, rig: PageRig) -> None:
     page = opened(chromium, rig)
     rig.reading = False  # the run hangs: no tick comes

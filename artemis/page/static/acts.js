@@ -40,6 +40,7 @@ let pending = '';
 // The run's own words: what was taken, or why not.
 export function showLog(lines) {
   for (const {kind, text, level} of lines) {
+    if (kind === 'request' && text.includes(': ignored, ')) say(`${text[0].toUpperCase()}${text.slice(1)}.`, true);
     if (kind === 'goal' || kind === 'pose' || /^(NET-14|NET-04|LOC-07) /.test(text)) say(text, level >= 3);
   }
 }

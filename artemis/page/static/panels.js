@@ -15,6 +15,7 @@ export function showAbout(told) {
   $('robot').textContent = told.robot;
   $('mission').textContent = told.mission;
   $('simulated').hidden = !told.simulated;
+  seen.clear();
   document.title = `${told.mission || 'artemis'} · ${told.robot}`;
   const body = $('drives').querySelector('tbody');
   body.replaceChildren(...told.drives.map(drive => element('tr', {},
@@ -76,6 +77,7 @@ function showInputs(inputs) {
 // ------------------------------------------------------------------------------------------ faults
 
 let known = new Set();
+const seen = new Set(); // which the tab was opened for: one that comes and goes does not take the view from the operator
 export function showFaults(faults, past = false) {
   const panel = $('faults'), now = new Set(faults.map(fault => `${fault.id} ${fault.device}`));
   $('fault-count').textContent = faults.length;
@@ -87,7 +89,12 @@ export function showFaults(faults, past = false) {
       ([term, words]) => [element('dt', {}, term), element('dd', {}, words)])))));
   if (!faults.length) panel.replaceChildren(element('p', {class: 'calm'}, '✓ No faults.'));
   const fresh = faults.filter(fault => !known.has(`${fault.id} ${fault.device}`) && fault.severity >= 3);
-  if (fresh.length && !past) { $('tab-faults').click(); announce(fresh.map(fault => `${SEVERITY[fault.severity]}: ${fault.id} ${fault.text}`).join('. ')); navigator.vibrate?.(200); }
+  if (fresh.length && !past) {
+    if (fresh.some(fault => !seen.has(`${fault.id} ${fault.device}`))) $('tab-faults').click();
+    for (const fault of fresh) seen.add(`${fault.id} ${fault.device}`);
+    announce(fresh.map(fault => `${SEVERITY[fault.severity]}: ${fault.id} ${fault.text}`).join('. '));
+    if (navigator.userActivation?.hasBeenActive) navigator.vibrate?.(200);
+  }
   known = now;
 }
 

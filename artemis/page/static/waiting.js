@@ -142,5 +142,5 @@ $('give').addEventListener('click', () => say({t: 'release'}));
 $('cancel').addEventListener('click', () => say({t: 'cancel'}));
 $('check').addEventListener('click', () => say({t: 'check'}));
 bindInvite();
-fetch('/runs/', {method: 'HEAD'}).then(answer => { $('past').hidden = !answer.ok; }, () => {});
+fetch('/runs/', {method: 'HEAD'}).then(answer => { $('past').hidden = $('last-run').hidden = !answer.ok; }, () => {});
 connect();
