@@ -115,7 +115,7 @@ class ErrorWords(Config):
 
 
 class OptionCodes(Config):
-    """What the drive does by itself; a code that is left out is neither written nor checked."""
+    """What the drive does by itself. A code that is left out stays; one that lets a wheel go on is refused."""
 
     abort_connection: OptionValue | None = None
     """0x6007: our heartbeat is lost. Not 0, which is no action; a drive that has 0 in it is refused."""
