@@ -78,6 +78,7 @@ fuzz: $(READY)
 picture: $(READY)
 	@$(BIN)/python docs/images/drive.py
 	@$(BIN)/python docs/images/report.py
+	@$(BIN)/python docs/images/modes.py
 
 page-pictures: $(READY)
 	@$(BIN)/python docs/images/page.py

@@ -32,7 +32,9 @@ class LinkageRow(Config):
     motor_deg: Annotated[float, Quantity(0.0, 180.0, "degrees", signed=True)]
     """Of what the steering motor turns, behind its gear."""
     left_deg: WheelAngle
+    """Of the left wheel, at this position of the motor."""
     right_deg: WheelAngle
+    """Of the right wheel, likewise."""
 
 
 LinkageTable = Annotated[tuple[LinkageRow, ...], Field(strict=False, min_length=3)]
@@ -47,14 +49,18 @@ class Geometry(Config):
     """Where the wheels are. Kingpins stand `track_m - 2 * scrub_radius_m` apart on the front axle."""
 
     wheelbase_m: Length
+    """Distance of the front axle's centre from that of the rear axle."""
     track_m: Length
     """Distance of the front wheels' contact points (and of the rear wheels)."""
     scrub_radius_m: Inset
-    """Contact point outboard of the kingpin."""
+    """Distance of the contact point outboard of the kingpin; 0 with one front wheel."""
     driven_axle: Literal["front", "rear"]
+    """Which wheels the traction motors turn; front: the steered ones."""
     front_wheels: Literal[1, 2] = 2
+    """1: a tricycle."""
     linkage: Linkage | None = None
-    """One motor steers both front wheels by it; None: each front wheel has a steering motor."""
+    """By it one motor steers both front wheels: `ackermann`, or a table measured from lock to lock; if left out, each
+    front wheel has a steering motor."""
     differential: bool = False
     """One motor drives both wheels of the driven axle by it; else each driven wheel has a motor."""
 
@@ -114,11 +120,27 @@ def _turning(table: tuple[LinkageRow, ...]) -> Problems:
             yield ("linkage",), f"expected {key} to both sides of straight ahead, found {angles[0]:g} to {angles[-1]:g}"
 
 
+def proportions(geometry: Geometry) -> Problems:
+    """Lengths that no robot has together; the keys are those of its file."""
+    if geometry.kingpin_distance_m < 0:
+        yield (
+            ("geometry", "scrub_radius_m"),
+            f"{geometry.scrub_radius_m:g} m is more than half of track_m ({geometry.track_m:g} m)",
+        )
+    if geometry.track_m > 3 * geometry.wheelbase_m:
+        yield (
+            ("geometry", "track_m"),
+            f"expected at most three times wheelbase_m ({geometry.wheelbase_m:g} m), found {geometry.track_m:g} m",
+        )
+
+
 class Potentiometers(Config):
     """One steered wheel. Both potentiometers, angle = slope * (voltage - zero), and the encoder of its motor."""
 
     zero_v: Voltages
+    """What each potentiometer shows while the wheel stands straight."""
     slope_deg_per_v: Slopes
+    """Of each potentiometer, positive where its voltage rises when the wheel turns to the left."""
     scale: Annotated[float, Quantity(0.5, 2.0, "")] = 1.0
     """True change of the wheel's angle per change that the encoder counts through the gear."""
 
@@ -127,18 +149,20 @@ class ByHand(Config):
     """Nothing measures the angle: whenever the drives are brought up a person sets the wheels straight."""
 
     angle: Literal["by_hand"]
+    """A person sets the wheels straight whenever the drives are brought up."""
     scale: Annotated[float, Quantity(0.5, 2.0, "")] = 1.0
-    """As of `Potentiometers`."""
+    """As in `Potentiometers`."""
 
 
 class HardStop(Config):
     """Nothing measures the angle: whenever the drives are brought up the motor looks for the end of its way."""
 
     angle: Literal["hard_stop"]
+    """Whenever the drives are brought up the motor turns to one end of its travel, until it is held."""
     stop_deg: Annotated[float, Quantity(5.0, 179.0, "degrees", signed=True)]
     """Where it is held, by what the motor turns, left positive: the sign says which of both ends it looks for."""
     scale: Annotated[float, Quantity(0.5, 2.0, "")] = 1.0
-    """As of `Potentiometers`."""
+    """As in `Potentiometers`."""
 
 
 SWITCH_MARGIN_DEG = 1.0
@@ -149,18 +173,20 @@ class HomeSwitch(Config):
     """A switch at the drive's input for it: whenever the drives are brought up the motor looks for where it changes."""
 
     angle: Literal["home_switch"]
+    """Whenever the drives are brought up the motor turns to where the drive's input changes."""
     switch_deg: Annotated[float, Quantity(0.0, 179.0, "degrees", signed=True)]
     """Where the input goes on when the motor turns to `on_side`, by what the motor turns, left positive."""
     on_side: Literal["left", "right"]
     """On this side of that angle the input is on, as far as the motor can turn; on the other side it is off."""
     scale: Annotated[float, Quantity(0.5, 2.0, "")] = 1.0
-    """As of `Potentiometers`."""
+    """As in `Potentiometers`."""
 
 
 class AbsoluteEncoder(Config):
     """An absolute encoder that turns with the wheel: its drive reads it."""
 
     angle: Literal["absolute_encoder"]
+    """The drive reads an encoder that knows the wheel's angle after power-up, too."""
     bits: Annotated[int, Field(ge=8, le=30)]
     """Of one turn: it counts to 2 ** bits."""
     coding: Literal["gray", "binary"] = "gray"
@@ -170,7 +196,7 @@ class AbsoluteEncoder(Config):
     zero_deg: Annotated[float, Quantity(0.0, 360.0, "degrees", signed=True)]
     """What it shows of its turn while the wheel stands straight."""
     scale: Annotated[float, Quantity(0.5, 2.0, "")] = 1.0
-    """As of `Potentiometers`."""
+    """As in `Potentiometers`."""
 
 
 _KINDS = {kind: f"<{kind.replace('_', ' ')}>" for kind in ("by_hand", "hard_stop", "home_switch", "absolute_encoder")}
@@ -196,8 +222,11 @@ class SteeringCalibration(Config):
     """Per steering motor, by its side. Of one in the middle the angle is that of its linkage, or of its wheel."""
 
     left: AngleSource | None = None
+    """How the angle of the left wheel becomes known: by potentiometers, or as its key `angle` says."""
     right: AngleSource | None = None
+    """The same of the right wheel."""
     middle: AngleSource | None = None
+    """The same of a single steering motor, instead of `left` and `right`."""
     disagreement_deg: Annotated[float, Quantity(0.1, 30.0, "degrees")] = 3.0
     """The two potentiometers of a wheel may differ by this much (fault STE-03 beyond)."""
 
@@ -206,8 +235,11 @@ class TractionCalibration(Config):
     """Metres that a wheel rolls per encoder count; `middle`: the only driven wheel, or the mean of a differential's."""
 
     left_m_per_count: Rolled | None = None
+    """Of the driven wheel on the left, if it has a motor of its own."""
     right_m_per_count: Rolled | None = None
+    """Of the driven wheel on the right, if it has a motor of its own."""
     middle_m_per_count: Rolled | None = None
+    """Of the only driven wheel, or the mean of both behind a differential."""
 
 
 class Calibration(Config):

@@ -25,6 +25,7 @@ class VoltageInput(Config):
     drive: str
     """Its name in the robot file."""
     input: Literal[1, 2]
+    """Number of the analog input of that drive."""
     divider: Annotated[float, Quantity(1.0, 100.0, "")]
     """Volts of the battery per volt at the input."""
 
@@ -45,7 +46,7 @@ class Battery(Config):
     joules_per_metre: Annotated[float, Quantity(0.5, 20_000.0, "J/m")]
     """Taken altogether where the robot drives as it usually does: `artemis report` tells it of a run."""
     measured: VoltageInput | None = None
-    """None: by a drive that measures its supply voltage itself, where there is one."""
+    """What reads its voltage; if left out, a drive that measures its supply itself, where there is one."""
     low_v: Supply
     """Under load (PWR-01): the robot drives slowly."""
     critical_v: Supply

@@ -31,11 +31,17 @@ class Motor(Config):
     """What the drive has to know of its motor."""
 
     type: Literal["dc", "ec_sine", "ec_block"]
+    """dc: with brushes; ec_block: brushless, with halls only; ec_sine: brushless, with halls and encoder."""
     pole_pairs: Annotated[int, Field(ge=1, le=255)]
+    """Of the rotor; a motor of type dc has 1."""
     continuous_current_ma: Current
+    """What the motor stands all the time (data sheet)."""
     output_current_ma: Current
+    """Peak current: what the drive gives at most, for a short time."""
     thermal_time_constant_s: Annotated[float, Quantity(0.1, 540.0, "s")]
+    """Of the winding (data sheet): says for how long the drive may give the peak current."""
     max_speed_rpm: Annotated[int, Quantity(100, 25000, "rpm")]
+    """Highest speed of the motor shaft."""
     torque_constant_mnm_per_a: TorqueConstant | None = None
     """Families that regulate torque need it; the others do not know it."""
 
@@ -44,15 +50,20 @@ class Sensor(Config):
     """On the motor shaft. `counts_per_turn`: 4 x pulses, or 6 x pole pairs with halls only."""
 
     type: Literal["encoder_3_channel", "encoder_2_channel", "hall"]
+    """Encoder with or without an index channel, or the motor's hall sensors alone."""
     counts_per_turn: Annotated[int, Field(ge=6, le=30000)]
+    """Of the motor shaft: 4 x lines of an encoder, or 6 x pole pairs with halls only."""
 
 
 class Gains(Config):
     """Regulator gains without unit, as the EPOS and the EPOS2 have them."""
 
     current: PiGains
+    """P and I."""
     velocity: PiGains
+    """P and I."""
     position: PidGains
+    """P, I and D."""
 
     @property
     def numbers(self) -> tuple[int, ...]:
@@ -84,23 +95,30 @@ class Drive(Config):
     family: Literal["epos1", "epos2", "epos4", "cia402"] = "epos1"
     """Which kind of drive it is; several kinds may share a bus."""
     node_id: Annotated[int, Field(ge=1, le=126)]
+    """Of the drive on the CAN bus, as it is set there; each has its own, other than `host_node_id`."""
     role: Literal["traction", "steering"]
+    """What its motor does: it drives wheels, or steers them."""
     side: Side
+    """Which wheel it moves; middle: the only one of its axle, or both by a linkage or a differential."""
     mirrored: bool
     """A positive count turns the wheel backwards (traction) or to the right (steering)."""
     hardware_version: Unsigned32
     """What the drive must be: 0x6010 is an EPOS 24/1, 0x6210 an EPOS 24/5 (the last digit of an EPOS and an EPOS2 does
     not count), 0x6150 an EPOS4 50/5; of another CiA 402 drive its product code."""
     min_firmware: Unsigned32 | None = None
-    """Lowest software version; None: the one that the family's tables were made for."""
+    """Lowest software version; if left out, the one that the family's tables were made for."""
     serial_number: Annotated[int, Field(ge=0, le=0xFFFFFFFFFFFFFFFF)] | None = None
+    """What the drive must be, too; if left out, any."""
     motor: Motor
     sensor: Sensor
     gear_ratio: Annotated[float, Quantity(1.0, 10_000.0, "motor turns per wheel turn")]
     """Motor turns per wheel turn."""
     gains: Gains | None = None
+    """Of an EPOS or EPOS2, without unit; if left out, those that the drive has stored."""
     si_gains: SiGains | None = None
+    """Of an EPOS4, in SI units; if left out, those that the drive has stored."""
     following_error_counts: Annotated[int, Field(ge=1, le=0xFFFFFFFF)] = 2000
+    """Lag of the motor behind its set-point [counts] beyond which a steering drive stops with a fault (DRV-25)."""
     cia402: Cia402 | None = None
     """What the device profile leaves open; for `family: cia402` only."""
 

@@ -47,6 +47,7 @@ class Mounting(OpenConfig):
     height_m: Reach
     """Of the plane that it scans, above the ground: it sees nothing below and nothing above."""
     upside_down: bool = False
+    """It is mounted upside down: artemis mirrors what it measures."""
     least_range_m: Reach
     """Nearer than this it sees nothing (LMS100: 0.5)."""
     mask: Annotated[tuple[Sector, ...], Field(strict=False)] = ()

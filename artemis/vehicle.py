@@ -19,6 +19,7 @@ from artemis.axles import (
     HardStop,
     HomeSwitch,
     Potentiometers,
+    proportions,
 )
 from artemis.battery import Battery, VoltageInput
 from artemis.config import Config, Inconsistent, Quantity
@@ -43,15 +44,19 @@ class Limits(Config):
     """What the machine may do. Steering rate and wheel speed are per wheel."""
 
     speed_m_s: Speed
-    """Of the virtual front wheel."""
+    """Highest speed of the virtual front wheel, forwards and backwards."""
     wheel_speed_m_s: Speed
+    """Highest speed of each driven wheel: in a curve the outer one is faster than the virtual front wheel."""
     acceleration_m_s2: Acceleration
+    """Of the virtual front wheel, when it becomes faster."""
     deceleration_m_s2: Acceleration
-    """Of a controlled stop."""
+    """Of the virtual front wheel, when it becomes slower and in a controlled stop."""
     quick_stop_deceleration_m_s2: Acceleration
+    """Of each wheel: the drives' own quick stop."""
     steering_deg: Annotated[float, Quantity(5.0, 79.0, "degrees")]
-    """Of the virtual front wheel."""
+    """Largest angle of the virtual front wheel, to either side."""
     steering_rate_wheel_deg_s: Annotated[float, Quantity(2.0, 720.0, "degrees/s")]
+    """How fast a steering motor turns its wheel at most."""
 
 
 class SupplySource(NamedTuple):
@@ -66,16 +71,20 @@ class RobotFile(Config):
     """A whole robot file."""
 
     robot: Annotated[str, Field(min_length=1)]
+    """Its name, as reports, pages and messages show it."""
     geometry: Geometry
     limits: Limits
     calibration: Calibration
     drives: Annotated[dict[str, Drive], Field(min_length=1)]
+    """The nodes, by names of the robot's own: one of each role on each side, or one in the middle."""
     bitrate: Literal[1000000, 800000, 500000, 250000, 125000, 50000, 20000] = 1000000
+    """Of the CAN bus [bit/s]: that of every drive."""
     host_node_id: Annotated[int, Field(ge=1, le=127)] = 127
     """The identifier of the host's heartbeat is 0x700 plus this."""
     outline: Outline | None = None
-    """Of the whole robot, for what must not touch anything."""
+    """Of the whole robot, for what must not touch anything; a robot with scanners needs it."""
     battery: Battery | None = None
+    """What feeds the drives; if left out, charge and range are not known."""
     scanners: dict[Annotated[str, Field(min_length=1)], Mounting] = Field(default_factory=dict)
     """Laser scanners, by names of the robot's own."""
 
@@ -85,7 +94,7 @@ class RobotFile(Config):
             *_families(self),
             *_nodes(self),
             *_sides(self),
-            *_geometry(self.geometry),
+            *proportions(self.geometry),
             *_body(self),
             *_supply(self),
         ]
@@ -237,19 +246,6 @@ def _expected(robot: RobotFile) -> str:
     words = [f"{' and '.join(f'one {role}' for role in sides)} drive on each side"] if sides else []
     words += [f"{' and '.join(f'one {role}' for role in middle)} drive in the middle"] if middle else []
     return " and ".join(words)
-
-
-def _geometry(geometry: Geometry) -> Problems:
-    if geometry.kingpin_distance_m < 0:
-        yield (
-            ("geometry", "scrub_radius_m"),
-            f"{geometry.scrub_radius_m:g} m is more than half of track_m ({geometry.track_m:g} m)",
-        )
-    if geometry.track_m > 3 * geometry.wheelbase_m:
-        yield (
-            ("geometry", "track_m"),
-            f"expected at most three times wheelbase_m ({geometry.wheelbase_m:g} m), found {geometry.track_m:g} m",
-        )
 
 
 def _body(robot: RobotFile) -> Problems:

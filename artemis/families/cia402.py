@@ -66,8 +66,11 @@ class ObjectWords(Config):
     """An object of the drive."""
 
     index: Annotated[int, Field(ge=0x1000, le=0xFFFF)]
+    """Of the object in the drive's object dictionary, such as 0x6078."""
     subindex: Annotated[int, Field(ge=0, le=255)] = 0
+    """Of the object."""
     type: Literal["u8", "u16", "u32", "i8", "i16", "i32"]
+    """Integer without (u) or with (i) sign, of so many bits."""
 
     @property
     def object(self) -> Object:
@@ -79,6 +82,7 @@ class SettingWords(ObjectWords):
     """A value that the drive must have before it is enabled."""
 
     value: int
+    """A whole number that fits the type."""
 
     @property
     def fits(self) -> bool:
@@ -91,30 +95,34 @@ class CurrentWords(ObjectWords):
     """The motor current, an object that can be mapped into a PDO."""
 
     units_per_a: Scale
+    """What the object shows per ampere."""
 
 
 class AnalogWords(ObjectWords):
     """One analog input, an object that can be mapped into a PDO."""
 
     units_per_v: Scale
+    """What the object shows per volt at the input; the same of both inputs."""
 
 
 class ErrorWords(Config):
     """An error code of the maker's own, and the row of the fault table that it means."""
 
     code: Annotated[int, Field(ge=1, le=0xFFFF)]
+    """EMCY error code, as the drive sends it."""
     row: str
+    """Id in the fault table, such as DRV-11: one that drives report."""
 
 
 class OptionCodes(Config):
-    """What the drive does by itself; None: it has no such object, and is not asked."""
+    """What the drive does by itself. A code that is left out stays; one that lets a wheel go on is refused."""
 
     abort_connection: OptionValue | None = None
     """0x6007: our heartbeat is lost. Not 0, which is no action; a drive that has 0 in it is refused."""
     quick_stop: OptionValue | None = None
-    """0x605A."""
+    """0x605A: what it does for a quick stop. 0 only with a `brake`: it cuts the power, and the wheel would coast."""
     fault_reaction: OptionValue | None = None
-    """0x605E."""
+    """0x605E: what it does in a fault. 0 only with a `brake`, likewise."""
 
 
 class Cia402(Config):
@@ -129,7 +137,7 @@ class Cia402(Config):
     acceleration_units_per_rpm_s: Scale
     """Of 0x6083 to 0x6085."""
     current: CurrentWords | None = None
-    """None: nobody measures it."""
+    """The object that shows the motor current; if left out, nobody measures it."""
     analog_inputs: Annotated[tuple[AnalogWords, AnalogWords], Field(strict=False)] | None = None
     """Both potentiometers of a steered wheel."""
     absolute_encoder: ObjectWords | None = None

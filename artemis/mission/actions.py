@@ -36,6 +36,7 @@ class PluginUse(OpenConfig):
     """A plugin by its name; every other key belongs to the plugin."""
 
     plugin: str
+    """Its name: `artemis plugins` lists them. Every other key is the plugin's own."""
 
 
 class FollowerUse(PluginUse):

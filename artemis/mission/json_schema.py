@@ -11,9 +11,10 @@ from typing import Any
 
 from pydantic.errors import PydanticInvalidForJsonSchema
 
-from artemis import axles, drive_schema, mounting, vehicle
+from artemis import axles, battery, drive_schema, mounting, vehicle
 from artemis.config import Config
 from artemis.errors import PluginError
+from artemis.families import cia402
 from artemis.mission import actions, goto, obstacles, schema, words
 from artemis.mission.conditions import UNTIL
 from artemis.mission.injector import installed_injector
@@ -46,7 +47,7 @@ def mission_schema() -> dict[str, object]:
 
 def robot_schema() -> dict[str, object]:
     """JSON schema of a robot file, for editors."""
-    return _schema(vehicle.RobotFile, vehicle, axles, drive_schema, mounting)
+    return _schema(vehicle.RobotFile, vehicle, axles, battery, cia402, drive_schema, mounting)
 
 
 def _schema(model: type[Config], *modules: ModuleType | None, template: str = "#/$defs/{model}") -> dict[str, Any]:
@@ -57,17 +58,26 @@ def _schema(model: type[Config], *modules: ModuleType | None, template: str = "#
         properties = models.get(name, {}).get("properties", {})
         if (key := field.removesuffix("_")) in properties:  # `if_` is the key `if`
             properties[key]["description"] = description
+    for value in (value for each in models.values() for value in each.get("properties", {}).values()):
+        used = [each["$ref"].rpartition("/")[2] for each in (value, *value.get("anyOf", ())) if "$ref" in each]
+        if "description" not in value and len(used) == 1:
+            value["description"] = models[used[0].rpartition(".")[2]].get("description", "").partition("\n\n")[0]
     return found
 
 
 def _field_docstrings(module: ModuleType | None) -> dict[tuple[str, str], str]:
-    """The texts that stand below the fields of a module's classes, by class and field; of one without source none."""
+    """The texts below the fields of a module's classes, by class and field, also of classes that inherit them there.
+
+    Of a module without source none.
+    """
     found: dict[tuple[str, str], str] = {}
     try:
         tree = ast.parse(inspect.getsource(module) if module is not None else "")
     except (OSError, TypeError, SyntaxError):
         return found
     for owner in (node for node in tree.body if isinstance(node, ast.ClassDef)):
+        bases = {base.id for base in owner.bases if isinstance(base, ast.Name)}
+        found |= {(owner.name, name): text for (base, name), text in found.items() if base in bases}
         for field, text in zip(owner.body, owner.body[1:], strict=False):
             match field, text:
                 case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(words))):

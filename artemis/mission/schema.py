@@ -18,6 +18,7 @@ class BusWords(OpenConfig):
     """A real CAN bus in python-can's own words; words beside `interface` are the interface's."""
 
     interface: str
+    """Name of the interface in python-can, such as socketcan; every other key is an option of it."""
 
     @property
     def words(self) -> dict[str, object]:
@@ -60,7 +61,7 @@ Bus = Annotated[
 
 
 class Supervision(Config):
-    """How careful the robot is."""
+    """How short a quick stop has to be, and whether the run waits for an operator."""
 
     stop_distance_m: Annotated[float, Field(gt=0, le=10)] = 0.6
     """A quick stop from the highest speed of the mission must need no more than this."""
@@ -124,12 +125,13 @@ class Simulation(Config):
     """What stands in for the world when the bus is simulated."""
 
     seed: Annotated[int, Field(ge=0, le=0xFFFFFFFF)] = 0
+    """Of everything random: in a fast simulation the same seed gives the same run, bit for bit."""
     pace: Literal["fast", "real_time"] | None = None
-    """Faster than real time, or not; nothing: in real time if an input needs a person or a device."""
+    """Faster than real time, or not; if left out, in real time if an input needs a person or a device."""
     true_robot: dict[str, object] = Field(default_factory=dict)
     """How the simulated machine differs from the robot file, unknown to the software."""
     world: dict[str, object] | None = None
-    """What the scanners see: walls, poles, boxes, persons, a map; nothing: a hall of 16 x 16 m around the origin."""
+    """What the scanners see: walls, poles, boxes, persons, a map; if left out, a hall of 16 x 16 m around (0, 0)."""
     inputs: dict[str, PluginUse] = Field(default_factory=dict)
     """Stand-ins for inputs of the mission, by the same names."""
     scanners: dict[str, PluginUse] = Field(default_factory=dict)
@@ -137,6 +139,7 @@ class Simulation(Config):
     localizer: PluginUse | None = None
     """Stand-in for the mission's localizer, or the only one."""
     operator: Annotated[tuple[Operation, ...], Field(strict=False)] = ()
+    """What a simulated operator does, and when."""
     faults: Annotated[tuple[InjectedFault, ...], Field(strict=False)] = ()
     """What goes wrong, and when."""
 
@@ -160,24 +163,30 @@ class Mission(Config):
     mission: Name
     """Its name, also of its runs' folders."""
     robot: FileName
+    """The robot file, in the mission's folder or below."""
     bus: Bus
+    """`simulation`, options of python-can such as {interface: socketcan, channel: can0}, or a serial line."""
     tick_hz: Annotated[int, Field(ge=25, le=200)] = 50
+    """Ticks per second: how often the robot senses and decides, and its drives get set-points."""
     inputs: dict[str, PluginUse] = Field(default_factory=dict)
+    """What drives the robot by hand, by names of the mission's own: joysticks, the keyboard, other programs."""
     observers: dict[str, PluginUse] = Field(default_factory=dict)
     """What else sees the run, by names of the mission's own."""
     localizer: PluginUse | None = None
-    """Reports where the robot is; None: its odometry does. Paths then lie in the frame of the localizer's map."""
+    """Reports where the robot is; if left out, its odometry does. With one, paths lie in the frame of its map."""
     steps: Annotated[tuple[Step, ...], *A_LIST]
+    """What the robot does, in this order."""
     parts: dict[Name, MissionPart] = Field(default_factory=dict)
     """Steps that are written once, by the name with which steps `call` them."""
     obstacles: Obstacles | None = None
     """What the robot does about what its scanners see; if left out, a robot that has any stops in time."""
     mapping: Mapping | None = None
+    """Make a map of what a scanner sees; if left out, none is made."""
     supervision: Supervision = Supervision()
     recovery: Annotated[
         dict[str, RecoveryPolicy], Field(json_schema_extra={"propertyNames": {"enum": sorted(ROWS)}})
     ] = Field(default_factory=dict)
-    """By the fault's id in the fault table."""
+    """How faults are met, by their ids in the fault table; if left out, as the table says."""
     simulation: Simulation = Simulation()
     record: FileName = "runs/"
     """Folder for the runs' folders."""

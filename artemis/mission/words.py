@@ -146,6 +146,7 @@ class MissionPart(Config):
     takes: dict[Annotated[str, Field(pattern=r"^\w+$")], Any] = Field(default_factory=dict)
     """Arguments with their defaults; nothing: it has to be given."""
     steps: Annotated[list[dict[str, Any]], Field(min_length=1)] | None = None
+    """As in a mission, with `$name` for the argument `name`."""
 
     @model_validator(mode="after")
     def _either(self) -> Self:

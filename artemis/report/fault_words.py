@@ -55,7 +55,9 @@ def explained(entries: Sequence[Entry]) -> list[tuple[str, str, str, str, str]]:
     for times in by_fault(entries).values():
         row = ROWS.get(times[0].text.split(" ", 1)[0])
         if row is not None:
-            worst = max(times, key=lambda entry: (entry.data.get("recovery") == Kind.NEVER.value, _severity(entry, row)))
+            worst = max(
+                times, key=lambda entry: (entry.data.get("recovery") == Kind.NEVER.value, _severity(entry, row))
+            )
             what = worst.text + (f" ({len(times)} times)" if len(times) > 1 else "")
             severity, final = _severity(worst, row), worst.data.get("recovery") == Kind.NEVER.value
             did = DID.get(severity, "")

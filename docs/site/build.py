@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from sphinx.cmd.build import build_main
 from typer.main import get_command
 
 from artemis.cli import app
@@ -26,10 +25,16 @@ LEFT_OUT = shutil.ignore_patterns("__pycache__", "runs", "*.pyc", "*.so")
 CONTRACTS = ("artemis.plugins.contracts", "artemis.devices.device", "artemis.testing")
 LINK = re.compile(r"(?<!!)\[((?:[^\]`]|`[^`]*`)+)\]\(([^)\s#:]+)\)")
 FENCES = re.compile(r"^(```.*?^```)$", re.MULTILINE | re.DOTALL)
+MERMAID = re.compile(r"^<!-- (\w+):[^\n]*-->\n```mermaid\n.*?^```\n<!-- end of \1 -->\n", re.MULTILINE | re.DOTALL)
+ORPHAN = "---\norphan: true\n---\n"
+"""Above a page that is in no menu."""
+TYPES = {"object": "mapping", "string": "text", "integer": "whole number", "boolean": "true or false"}
 
 
 def main() -> int:
     """Build; the status of Sphinx."""
+    from sphinx.cmd.build import build_main  # the environment of the tests has no Sphinx
+
     source = OUTPUT / "source"
     shutil.rmtree(OUTPUT, ignore_errors=True)
     for name in COPIED:
@@ -37,6 +42,7 @@ def main() -> int:
     for file in (*ROOT.glob("*.md"), *ROOT.glob("*.toml"), ROOT / "LICENSE", ROOT / "Makefile", ROOT / "setup.py"):
         shutil.copy(file, source)
     shutil.copy(source / "docs/site/index.txt", source / "index.md")
+    (source / "README.md").write_text(ORPHAN + (ROOT / "README.md").read_text())  # the start page begins with it
     reference = source / "reference"
     reference.mkdir()
     (reference / "commands.md").write_text("\n".join(commands()))
@@ -51,7 +57,8 @@ def main() -> int:
 
 
 def adapted(page: Path) -> str:
-    """A page as the site needs it: no links to folders, which a site cannot show; diagrams as their text."""
+    """A page as the site needs it: no links to folders, which a site cannot show; diagrams for Mermaid as pictures."""
+    text = page.read_text()
 
     def link(found: re.Match[str]) -> str:
         target = (page.parent / found[2]).resolve()
@@ -59,9 +66,13 @@ def adapted(page: Path) -> str:
             return found[1]
         return found[0]
 
-    parts = FENCES.split(page.read_text())
+    def picture(found: re.Match[str]) -> str:
+        image = f"(images/{found[1]}.svg)"
+        return "" if image in text else f"![{found[1]}]{image}\n"
+
+    parts = FENCES.split(MERMAID.sub(picture, text))
     parts[::2] = [LINK.sub(link, part) for part in parts[::2]]
-    return "".join(parts).replace("```mermaid", "```text")
+    return "".join(parts)
 
 
 def commands() -> Iterator[str]:
@@ -90,33 +101,68 @@ def keys(kind: str, schema: dict[str, object]) -> Iterator[str]:
     """Every key of a file, by the part of the file in which it stands."""
     yield f"# Keys of a {kind} file\n"
     yield f"Made from the schema that artemis checks by; `artemis schema {kind}` prints it for editors.\n"
-    parts: dict[str, object] = {kind: schema, **_mapping(schema.get("$defs"))}
+    definitions = _mapping(schema.get("$defs"))
+    steps = _mapping(_mapping(definitions.get("Step")).get("properties"))
+    behaviours = {name: step for name, step in steps.items() if "properties" in _mapping(step)}
+    parts: dict[str, object] = {kind: schema, **definitions, **behaviours}
     for name, part in parts.items():
         properties = _mapping(_mapping(part).get("properties"))
-        if not properties:
+        if not properties and _mapping(part).get("type") != "object":
             continue
         yield f"## {name}\n"
-        yield "| key | type | default | |\n|---|---|---|---|"
+        yield f"{_cell(_mapping(part).get('description', ''))}\n"
+        if not properties:
+            continue
+        yield "| key | type | default | meaning |\n|---|---|---|---|"
         required = _mapping(part).get("required")
         for key, value in properties.items():
             rule = _mapping(value)
-            default = "required" if isinstance(required, list) and key in required else rule.get("default", "")
+            default = "required" if isinstance(required, list) and key in required else _default(rule.get("default"))
             yield f"| `{key}` | {_cell(_type(rule))} | {_cell(default)} | {_cell(rule.get('description', ''))} |"
         yield ""
 
 
 def _type(rule: dict[str, object]) -> str:
-    """A type in words."""
+    """A type in words; null is left out, because who means it leaves out the key."""
     if isinstance(reference := rule.get("$ref"), str):
-        return reference.rpartition("/")[2]
+        name = reference.rpartition("/")[2]
+        return f"[{name}](#{name.lower()})"
     for several in ("anyOf", "oneOf"):
         if isinstance(options := rule.get(several), list):
-            return " or ".join(dict.fromkeys(_type(_mapping(each)) for each in options))
-    if isinstance(words := rule.get("enum"), list):
-        return ", ".join(map(str, words))
+            given = (_mapping(each) for each in options)
+            return " or ".join(dict.fromkeys(_type(each) for each in given if each.get("type") != "null"))
+    if isinstance(words := rule.get("enum", [rule["const"]] if "const" in rule else None), list):
+        return ", ".join(f"`{_yaml(each)}`" for each in words)
+    if isinstance(places := rule.get("prefixItems"), list):
+        return f"list: {', '.join(_type(_mapping(each)) for each in places)}"
     if rule.get("type") == "array":
         return f"list of {_type(_mapping(rule.get('items')))}"
-    return str(rule.get("type", rule.get("const", "any")))
+    patterns = [*_mapping(rule.get("patternProperties")).values(), rule.get("additionalProperties")]
+    if inner := _mapping(patterns[0]):
+        return f"by name: {_type(inner)}"
+    found = str(rule.get("type", "any"))
+    return TYPES.get(found, found)
+
+
+def _default(value: object) -> str:
+    """A default as it is written in a file; what is not there by default is a dash."""
+    value = _without_nothing(value)
+    return "-" if value in (None, "", [], {}) else f"`{_yaml(value)}`"
+
+
+def _without_nothing(value: object) -> object:
+    """A mapping without the keys that have no default."""
+    if not isinstance(value, dict):
+        return value
+    return {key: kept for key, each in value.items() if (kept := _without_nothing(each)) not in (None, [], {})}
+
+
+def _yaml(value: object) -> str:
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key}: {_yaml(each)}' for key, each in value.items())}}}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_yaml, value))}]"
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _mapping(value: object) -> dict[str, object]:

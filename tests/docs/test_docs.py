@@ -401,7 +401,7 @@ def test_mission_diagram_is_of_the_mission_above(tmp_path: Path) -> None:
     section = (ROOT / "docs/missions.md").read_text().partition("## The picture of a mission")[2]
     (tmp_path / "of_the_docs.yaml").write_text(section.partition("```yaml\n")[2].partition("```")[0])
     drawn = artemis_here("graph", tmp_path / "of_the_docs.yaml").stdout
-    assert between("docs/missions.md", "picture") == f"```mermaid\n{drawn}```\n"
+    assert between("docs/missions.md", "mission") == f"```mermaid\n{drawn}```\n"
     artemis_here("graph", tmp_path / "of_the_docs.yaml", "--svg", tmp_path / "mission.svg")
     assert (tmp_path / "mission.svg").read_text() == (ROOT / "docs/images/mission.svg").read_text()
 

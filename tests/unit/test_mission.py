@@ -375,7 +375,7 @@ def test_the_schemas_know_every_key_and_explain_some() -> None:
     assert definitions["Follow"]["properties"]["max_cross_track_m"]["description"].startswith("Farther from the path")
     assert definitions["Follow"]["description"] == "Drive along a path to its end."
     geometry: Any = robot["$defs"]
-    assert (
-        geometry["Geometry"]["properties"]["scrub_radius_m"]["description"] == "Contact point outboard of the kingpin."
-    )
+    assert geometry["Geometry"]["properties"]["scrub_radius_m"]["description"].startswith("Distance of the contact")
+    assert geometry["Drive"]["properties"]["motor"]["description"] == geometry["Motor"]["description"]
+    assert geometry["SettingWords"]["properties"]["index"]["description"].startswith("Of the object in the drive's")
     assert json.loads(json.dumps(mission)) == mission
