@@ -179,11 +179,10 @@ def search(
     prices = np.array([BACK, CUSP / radius, SHORTEST / radius])
     if sense < 0.0:
         prices[0], prices[1] = 1.0 / BACK, prices[1] / BACK
-    room = 6 * most + 16
+    room, size = 6 * most + 16, 2 ** int(math.log2(12 * most + 32) + 1.0)
     poses, spent, driven = np.empty((room, 3)), np.empty(room), np.empty(room)
     steered, direction, parent = np.empty(room), np.empty(room, np.int8), np.empty(room, np.int64)
     backed, behind = np.zeros(room), np.full(room, bare[1] - bare[0] if sense > 0.0 else BEHIND)
-    size = 2 ** int(math.log2(2 * room) + 1.0)
     keys, best, count, expanded = np.full(size, -1, np.int64), np.empty(size, np.float32), 1, 0
     poses[0], spent[0], driven[0], steered[0], direction[0], parent[0] = start, 0.0, 0.0, 0.0, 0, -1
     nodes, heap = (poses, spent, driven, steered, direction, parent, backed, behind), [(0.0, 0)]
