@@ -71,6 +71,9 @@ END_DISTANCE, END_ANGLE = 0.03, math.radians(3.0)
 """The robot is at the goal if it is at most so far from it [m, rad]."""
 EXACT_ANGLE = math.radians(1.5)
 """A fitted route ends rather no more askew [rad]: to follow it takes the rest."""
+SEEN_BEHIND = 0.15
+"""So much ground behind the outline has to be known where a route leads backwards over known ground [m]: the obstacle
+stop keeps the distance of its rules and a cell from what is not, and stops within the rest."""
 RECOVERY = 0.5
 """Where no route begins, the robot may first go back so far along what it has just driven [m]."""
 ON_ROUTE, ALONG_ROUTE = 0.1, math.radians(20.0)
@@ -137,13 +140,16 @@ def _fits(pose: Array, clear: Field, box: Array) -> bool:
 
 
 def _places(route: Route) -> tuple[Array, Array]:
-    """How far it is to places along a route [m], a cell or less apart; and the poses there, shape (n, 3)."""
+    """How far it is to places along a route [m], a cell or less apart; and x, y, heading, direction there, (n, 4)."""
     driven, poses, before = [], [], 0.0
     for part in route.parts:
         path = part.path
         some = np.append(np.arange(0, len(path.x) - 1, max(1, int(CELL / path.spacing))), len(path.x) - 1)
         driven.append(before + path.spacing * some)
-        poses.append(np.column_stack([path.x[some], path.y[some], path.heading[some] + math.pi * part.backward]))
+        heading = path.heading[some] + math.pi * part.backward
+        poses.append(
+            np.column_stack([path.x[some], path.y[some], heading, np.full(len(some), 1.0 - 2.0 * part.backward)])
+        )
         before += path.length
     return np.concatenate(driven), np.concatenate(poses)
 
@@ -183,12 +189,12 @@ class _Planning:
             under = covered(self._floor.occupied, self._start, self._first_box)
             under |= covered(occupied, self._start, outline_box(request.robot, 0.0), reach=0.0)
             self._begun = clearance(occupied & ~under)
-        self._bare = outline_box(request.robot, 0.0)
+        self._seen = outline_box(request.robot, 0.0) - (0.0, SEEN_BEHIND, 0.0)
         self._anywhere = np.full_like(self._clear, np.inf)
         self._known = self._anywhere
         if request.over_known:
             known = known_ground(request.placed_scans, request.robot, self._floor)
-            known |= covered(np.ones_like(known), self._start, self._bare)
+            known |= covered(np.ones_like(known), self._start, outline_box(request.robot, 0.0))
             self._known = clearance(~known)
         self._expanded = 0
         self._reasons: list[str] = []
@@ -262,7 +268,7 @@ class _Planning:
         known = self._known if each.over_known else self._anywhere
         points, why, expanded = search(
             self._clear, begun, self._cost, field, *ends, self._box, first, self._wide,
-            known, self._bare, each.radius, CELL, each.most,
+            known, self._seen, each.radius, CELL, each.most,
             -1.0 if each.from_goal else 1.0, each.greedy,
         )  # fmt: skip
         self._expanded += expanded
@@ -273,7 +279,7 @@ class _Planning:
         if not each.from_goal:
             return np.asarray(points)
         points = _turned_round(points)
-        return points if is_known(points, known, CELL, self._bare) else None
+        return points if is_known(points, known, CELL, self._seen) else None
 
     def _aims(self) -> Iterator[Array]:
         """Where a search is to end: at the goal; then so far beside it as the fitted route ended on the other side."""
@@ -336,20 +342,24 @@ class _Planning:
 
     def _are_free(self, poses: Array, driven: Array) -> Cells:
         """Whether the outline is free at poses of the map, each after so far a drive."""
-        local, first = self._floor.local_poses(poses), driven < FIRST + CELL
+        local, first = self._floor.local_poses(poses[:, :3]), driven < FIRST + CELL
         free = are_free(local, self._clear, CELL, self._checked)
         free[first] = are_free(local[first], self._begun, CELL, self._first_checked)
         return free
 
     def _rest_is_free(self) -> bool:
-        """Whether the present route is free from where the robot is: where it first comes by, if that is unclear."""
+        """Whether the present route is free, and backwards known, from where the robot is: where it first comes by."""
         request = self._request
         driven, places = _places(unpacked_route(request.present))
         start, away = request.start, np.hypot(places[:, 0] - request.start.x, places[:, 1] - request.start.y)
         turned = np.abs(wrapped(places[:, 2] - start.heading))
         here = ((away < ON_ROUTE) & (turned < ALONG_ROUTE)).nonzero()[0][:1]
-        rest = slice(here[0] + 1, None) if here.size else slice(0)
-        return bool(here.size and self._are_free(places[rest], driven[rest] - driven[here[0]]).all())
+        if not here.size:
+            return False
+        rest, driven = places[here[0] + 1 :], driven[here[0] + 1 :] - driven[here[0]]
+        points = np.column_stack([self._floor.local_poses(rest[:, :3]), rest[:, 3]])
+        known = not request.over_known or is_known(points, self._known, CELL, self._seen)
+        return known and bool(self._are_free(rest, driven).all())
 
     def _off_goal(self, pose: Pose) -> tuple[float, float]:
         """How far a pose is from the goal [m], and by how much it is turned [rad]."""
@@ -371,10 +381,6 @@ class _Planning:
         x, y = pose[0] + ahead * math.cos(pose[2]), pose[1] + ahead * math.sin(pose[2])
         return math.floor(y / CELL), math.floor(x / CELL)
 
-    def _fits_first(self, pose: Array) -> bool:
-        """Whether the outline is free at a pose in the first metre."""
-        return _fits(pose, self._begun, self._first_checked)
-
     def _back(self) -> list[Pose]:
         """From where the robot is back along what it has just driven; empty: it has not, or something stands there."""
         back, length = [self._request.start], 0.0
@@ -382,7 +388,7 @@ class _Planning:
             step = math.hypot(pose.x - back[-1].x, pose.y - back[-1].y)
             if step < CELL:
                 continue
-            if not self._fits_first(self._floor.local(pose)):
+            if not _fits(self._floor.local(pose), self._begun, self._first_checked):
                 break
             back.append(pose)
             length += step

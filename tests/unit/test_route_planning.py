@@ -326,6 +326,18 @@ def test_a_route_begins_backwards_over_known_ground_if_there_is_some(driven: boo
     assert known[row, column].all() == driven
 
 
+@pytest.mark.parametrize("known", [True, False])
+def test_a_route_is_kept_backwards_only_over_ground_that_is_known_still(known: bool) -> None:
+    """What was driven over long ago is as good as unknown: the same route would not help."""
+    on = floor((2.4, 0.0, 2.6, 2.2))
+    start, goal = Pose(x=1.6, y=0.8), Pose(x=0.8, y=2.0, heading=math.pi)
+    came = tuple(PlacedScan(0.5 * n, Pose(x=0.6 + 0.1 * n, y=0.8), scan_with(WALLS, 0.5 * n)) for n in range(11))
+    present = planned(on, start, goal, placed_scans=came, over_known=True).values
+    seen = came if known else (*came[:-1], PlacedScan(60.0, start, scan_with(WALLS, 60.0)))
+    again = planned(on, start, goal, placed_scans=seen, over_known=True, present=present)
+    assert (again.detail == "the rest of the route is free") == known
+
+
 def test_a_search_from_the_goal_drives_backwards_over_unknown_ground_only_as_far_as_allowed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
