@@ -9,6 +9,7 @@ import gc
 import os
 import signal
 import sys
+import warnings
 from collections import Counter
 from collections.abc import Generator, Iterator
 from contextlib import ExitStack
@@ -31,6 +32,8 @@ LATE = "artemis/late"
 WHOLE = "artemis/whole"
 """Where it has the files without tests that only `make test-ci` runs, each with the time of its last change."""
 TOO_BUSY = "too busy for real time"
+REPEATED = pytest.StashKey[bool]()
+"""The test failed so, and is repeated alone."""
 FETCHED = ("built by scripts/serial_peers", "libLMS1xx: built by scripts/scanner_peers")
 SKIPPED_IN_CI = ("/dev/u", "vcan0", TOO_BUSY, "ARTEMIS_SLAM_DATA", "root reads", *FETCHED)
 """Parts of the reasons for which the continuous integration may skip a test: hardware, the load, data that may
@@ -197,9 +200,23 @@ def pytest_runtest_makereport(
     beside = "PYTEST_XDIST_WORKER" in os.environ and item.get_closest_marker("realtime")
     if report.failed and beside and not item.config.getoption("late"):
         reason = f"failed beside other tests, where this machine may be {TOO_BUSY}; `make late` repeats it alone"
+        item.stash[REPEATED] = True
         report.outcome = "skipped"
         report.longrepr = (str(item.path), item.location[1] or 0, f"{reason}: {report.longreprtext}")
     return report
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    """What is left open by a test that will be repeated is not the fault of the next one, in which it is collected."""
+    result = yield
+    if REPEATED in item.stash:
+        for name in ("last_exc", "last_type", "last_value", "last_traceback"):  # they hold what the test had
+            vars(sys).pop(name, None)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            gc.collect()
+    return result
 
 
 def pytest_xdist_auto_num_workers() -> int:

@@ -197,6 +197,25 @@ def test_what_a_test_in_real_time_leaves_behind_is_not_forgotten(tmp_path: Path)
         assert "its reason" in done.stdout
 
 
+LEAVES = """
+import gc, pytest, socket
+
+@pytest.mark.realtime
+def test_in_time():
+    left = [socket.socket()]
+    left.append(left)
+    assert False
+
+def test_next():
+    gc.collect()
+"""
+
+
+def test_what_is_left_by_a_test_that_is_repeated_is_not_of_the_next(tmp_path: Path) -> None:
+    done = pytest_of(tmp_path, "unit", LEAVES)
+    assert (done.returncode, late_in(tmp_path)) == (0, ["test_in_time"]), done.stdout
+
+
 def test_a_test_in_real_time_that_fails_alone_has_failed(tmp_path: Path) -> None:
     script = "unset PYTEST_XDIST_WORKER; exec " + shlex.join([sys.executable, "-m", "pytest", "-n", "0", "-q"])
     pytest_of(tmp_path, "unit", "import pytest\n@pytest.mark.realtime\ndef test_in_time(): raise ValueError", "--co")
