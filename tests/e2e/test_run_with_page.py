@@ -39,14 +39,14 @@ class Operator:
         self.url, self.client, self.run = url, client, run
         self.state: dict[str, Any] = {}
 
-    def _link(self, path: str) -> ClientConnection:
+    def link(self, path: str) -> ClientConnection:
         cookie = "; ".join(f"{name}={value}" for name, value in self.client.cookies.items())
         place = self.url.replace("http", "ws") + path
         return connect(place, origin=Origin(self.url), additional_headers={"cookie": cookie}, max_size=None)
 
     def drive(self, until: str, *, held: bool = True, ask: str = "") -> None:
         """Take control, and hold the stick forward where that counts, until the mode and phase are such."""
-        with self._link("/control") as control, self._link("/telemetry") as telemetry:
+        with self.link("/control") as control, self.link("/telemetry") as telemetry:
             while not (told := json.loads(control.recv(20))).get("run"):
                 pass
             control.send(json.dumps({"t": "take", "who": "a test"}))
@@ -118,9 +118,9 @@ def test_a_fault_before_anybody_has_come_to_the_page_does_not_end_the_run(
         with httpx.Client(base_url=url, headers={"origin": url}, timeout=20, transport=patient) as client:
             assert client.post("/pair", json={"code": code}).status_code == 200
             operator = Operator(url, client, run)
-            operator.drive("acknowledge", held=False, ask="quickstop")
-            operator.drive("arm to continue|waiting for arm", held=False, ask="acknowledge")
-            operator.drive("teleop", held=False, ask="arm")
+            with operator.link("/telemetry") as telemetry:
+                while "acknowledge" not in operator.state.get("phase", ""):
+                    operator.state = json.loads(telemetry.recv(20)).get("state", operator.state)
         run.send_signal(signal.SIGINT)
         run.wait(60)
 
