@@ -179,7 +179,7 @@ class _Run:
             loop.call_soon_threadsafe(robot.tick_now)
 
         inputs = self._inputs(wake)
-        self.attendance.hands = any(map(is_live, inputs.values()))
+        live = {name for name, device in inputs.items() if is_live(device)}
         localizer = self._localizer(equipment.world, loop.time())
         if localizer is not None and equipment.world is not None and self.loaded.injector is not None:
             localizer = self.loaded.injector.failing_localizer(localizer)
@@ -198,6 +198,8 @@ class _Run:
                 robot.report(fault)
             if record.threaded and (grown := host.look(record.time)) is not None:
                 robot.report(growth(grown, usage()[0]))
+            if live and any(sample.source in live for sample in tick.snapshot.sensed.inputs if sample.age is not None):
+                self.attendance.hands = True
             self.watch(tick, traffic)
 
         period = 1 / self.loaded.mission.tick_hz

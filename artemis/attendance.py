@@ -49,7 +49,7 @@ class Attendance:
         self._until = max((act.at_s for act in acts), default=-inf) + OPERATOR_GRACE
         self._listeners: list[Typed] = []
         self.hands = False
-        """The mission has an input that needs a person: somebody is there, or will come."""
+        """Somebody was heard at a device that needs a person."""
         self.interrupted: int | None = None
         """The signal that ends the run: the first."""
         self._taken: list[signal.Signals] = []
