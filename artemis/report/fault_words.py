@@ -52,21 +52,20 @@ def explained(entries: Sequence[Entry]) -> list[tuple[str, str, str, str, str]]:
     Run time of the first [s], what and how often, where to look, what was done, next.
     """
     rows = []
-    for times in by_fault(entries).values():
-        row = ROWS.get(times[0].text.split(" ", 1)[0])
+    for name, times in by_fault(entries).items():
+        row = ROWS.get(name.partition(" ")[0])
         if row is not None:
-            worst = max(
-                times, key=lambda entry: (entry.data.get("recovery") == Kind.NEVER.value, _severity(entry, row))
-            )
-            what = worst.text + (f" ({len(times)} times)" if len(times) > 1 else "")
-            severity, final = _severity(worst, row), worst.data.get("recovery") == Kind.NEVER.value
-            did = DID.get(severity, "")
-            rows.append((f"{times[0].time:.2f}", what, row.advice, did, next_step(row, severity, final)))
+            final, severity, text = max((_graded(entry, row) for entry in times), key=lambda graded: graded[:2])
+            what = text + (f" ({len(times)} times)" if len(times) > 1 else "")
+            then = next_step(row, severity, final)
+            rows.append((f"{times[0].time:.2f}", what, row.advice, DID.get(severity, ""), then))
     return rows
 
 
-def _severity(entry: Entry, row: Row) -> Severity:
-    return Severity[entry.data["severity"]] if "severity" in entry.data else row.severity
+def _graded(entry: Entry, row: Row) -> tuple[bool, Severity, str]:
+    """Whether a fault came once too often, how severe it was, and its words."""
+    severity = Severity[entry.data["severity"]] if "severity" in entry.data else row.severity
+    return entry.data.get("recovery") == Kind.NEVER.value, severity, entry.text
 
 
 def histories(entries: Sequence[Entry]) -> list[str]:

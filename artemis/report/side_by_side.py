@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from pathlib import Path
@@ -110,10 +111,10 @@ def _differences(facts: Sequence[Summary], runs: Sequence[Series]) -> list[tuple
     steps = [{step.name: step.time for step in reversed(run.mission.ran)} for run in runs]
     for name in dict.fromkeys(step.name for run in runs for step in run.mission.ran):
         rows.append(_row(f"time in {name} [s]", [each.get(name) for each in steps], 1.0, 2))
-    faults = [{name: len(times) for name, times in by_fault(run.entries).items()} for run in runs]
-    rows.append(_row("faults", [float(sum(each.values())) for each in faults], 1.0, 0))
+    faults = [Counter({name: len(times) for name, times in by_fault(run.entries).items()}) for run in runs]
+    rows.append(_row("faults", [float(each.total()) for each in faults], 1.0, 0))
     for fault in dict.fromkeys([*faults[0], *faults[1]]):
-        rows.append(_row(f"fault {fault}", [float(each.get(fault, 0)) for each in faults], 1.0, 0))
+        rows.append(_row(f"fault {fault}", [float(each[fault]) for each in faults], 1.0, 0))
     return [row for row in rows if any(row[1:3])]
 
 

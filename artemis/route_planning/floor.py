@@ -52,10 +52,10 @@ class Floor:
         return np.array([seen.x, seen.y, seen.heading])
 
     def local_poses(self, poses: Array) -> Array:
-        """The same of many: x, y, heading, shape (n, 3); headings are not wrapped."""
+        """The same of many: x, y, heading, and columns that stay as they are, (n, 3 or more); headings not wrapped."""
         c, s = math.cos(self.origin.heading), math.sin(self.origin.heading)
         dx, dy = poses[:, 0] - self.origin.x, poses[:, 1] - self.origin.y
-        return np.column_stack([c * dx + s * dy, c * dy - s * dx, poses[:, 2] - self.origin.heading])
+        return np.column_stack([c * dx + s * dy, c * dy - s * dx, poses[:, 2] - self.origin.heading, poses[:, 3:]])
 
     def contains(self, local: Array) -> bool:
         """Whether a pose that is seen from the origin lies on the map."""

@@ -184,17 +184,18 @@ class _Planning:
             occupied[row, column] = True
             self._clear = clearance(occupied)
         self._begun, self._first_box, self._first_checked = self._clear, self._box, self._checked
+        bare = outline_box(request.robot, 0.0)
         if covered(occupied, self._start, self._box).any():
             self._first_box = self._first_checked = outline_box(request.robot, FIRST_MARGIN)
             under = covered(self._floor.occupied, self._start, self._first_box)
-            under |= covered(occupied, self._start, outline_box(request.robot, 0.0), reach=0.0)
+            under |= covered(occupied, self._start, bare, reach=0.0)
             self._begun = clearance(occupied & ~under)
-        self._seen = outline_box(request.robot, 0.0) - (0.0, SEEN_BEHIND, 0.0)
+        self._seen = bare - (0.0, SEEN_BEHIND, 0.0)
         self._anywhere = np.full_like(self._clear, np.inf)
         self._known = self._anywhere
         if request.over_known:
             known = known_ground(request.placed_scans, request.robot, self._floor)
-            known |= covered(np.ones_like(known), self._start, outline_box(request.robot, 0.0))
+            known |= covered(np.ones_like(known), self._start, bare)
             self._known = clearance(~known)
         self._expanded = 0
         self._reasons: list[str] = []
@@ -336,15 +337,16 @@ class _Planning:
         if away > END_DISTANCE or turn > END_ANGLE:
             yield f"it ends {100 * away:.1f} cm and {math.degrees(turn):.1f} degrees from the goal"
         driven, places = _places(route)
-        blocked = driven[(driven >= CELL) & ~self._are_free(places, driven)]  # nearer: the robot is there
+        free = self._are_free(self._floor.local_poses(places), driven)
+        blocked = driven[(driven >= CELL) & ~free]  # nearer: the robot is there
         if blocked.size:
             yield f"it is not free at {blocked[0]:.2f} m"
 
     def _are_free(self, poses: Array, driven: Array) -> Cells:
-        """Whether the outline is free at poses of the map, each after so far a drive."""
-        local, first = self._floor.local_poses(poses[:, :3]), driven < FIRST + CELL
-        free = are_free(local, self._clear, CELL, self._checked)
-        free[first] = are_free(local[first], self._begun, CELL, self._first_checked)
+        """Whether the outline is free at poses of the floor, each after so far a drive."""
+        first = driven < FIRST + CELL
+        free = are_free(poses, self._clear, CELL, self._checked)
+        free[first] = are_free(poses[first], self._begun, CELL, self._first_checked)
         return free
 
     def _rest_is_free(self) -> bool:
@@ -356,10 +358,9 @@ class _Planning:
         here = ((away < ON_ROUTE) & (turned < ALONG_ROUTE)).nonzero()[0][:1]
         if not here.size:
             return False
-        rest, driven = places[here[0] + 1 :], driven[here[0] + 1 :] - driven[here[0]]
-        points = np.column_stack([self._floor.local_poses(rest[:, :3]), rest[:, 3]])
-        known = not request.over_known or is_known(points, self._known, CELL, self._seen)
-        return known and bool(self._are_free(rest, driven).all())
+        rest, left = self._floor.local_poses(places[here[0] + 1 :]), driven[here[0] + 1 :] - driven[here[0]]
+        known = not request.over_known or is_known(rest, self._known, CELL, self._seen)
+        return known and bool(self._are_free(rest, left).all())
 
     def _off_goal(self, pose: Pose) -> tuple[float, float]:
         """How far a pose is from the goal [m], and by how much it is turned [rad]."""

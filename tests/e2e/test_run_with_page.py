@@ -39,14 +39,14 @@ class Operator:
         self.url, self.client, self.run = url, client, run
         self.state: dict[str, Any] = {}
 
-    def link(self, path: str) -> ClientConnection:
+    def _link(self, path: str) -> ClientConnection:
         cookie = "; ".join(f"{name}={value}" for name, value in self.client.cookies.items())
         place = self.url.replace("http", "ws") + path
         return connect(place, origin=Origin(self.url), additional_headers={"cookie": cookie}, max_size=None)
 
     def drive(self, until: str, *, held: bool = True, ask: str = "") -> None:
         """Take control, and hold the stick forward where that counts, until the mode and phase are such."""
-        with self.link("/control") as control, self.link("/telemetry") as telemetry:
+        with self._link("/control") as control, self._link("/telemetry") as telemetry:
             while not (told := json.loads(control.recv(20))).get("run"):
                 pass
             control.send(json.dumps({"t": "take", "who": "a test"}))

@@ -76,10 +76,11 @@ function showInputs(inputs) {
 
 // ------------------------------------------------------------------------------------------ faults
 
+const keyOf = fault => `${fault.id} ${fault.device}`;
 let known = new Set();
 const seen = new Set(); // which the tab was opened for: one that comes and goes does not take the view from the operator
 export function showFaults(faults, past = false) {
-  const panel = $('faults'), now = new Set(faults.map(fault => `${fault.id} ${fault.device}`));
+  const panel = $('faults'), now = new Set(faults.map(keyOf));
   $('fault-count').textContent = faults.length;
   $('fault-count').classList.toggle('some', faults.some(fault => fault.severity >= 3));
   panel.replaceChildren(...faults.map(fault => element('article', {class: 'fault', 'data-severity': fault.severity},
@@ -88,10 +89,10 @@ export function showFaults(faults, past = false) {
     element('dl', {}, ...[['look', fault.look], ['artemis', fault.artemis], ['next', fault.next]].filter(row => row[1]).flatMap(
       ([term, words]) => [element('dt', {}, term), element('dd', {}, words)])))));
   if (!faults.length) panel.replaceChildren(element('p', {class: 'calm'}, '✓ No faults.'));
-  const fresh = faults.filter(fault => !known.has(`${fault.id} ${fault.device}`) && fault.severity >= 3);
+  const fresh = faults.filter(fault => !known.has(keyOf(fault)) && fault.severity >= 3);
   if (fresh.length && !past) {
-    if (fresh.some(fault => !seen.has(`${fault.id} ${fault.device}`))) $('tab-faults').click();
-    for (const fault of fresh) seen.add(`${fault.id} ${fault.device}`);
+    if (fresh.some(fault => !seen.has(keyOf(fault)))) $('tab-faults').click();
+    for (const fault of fresh) seen.add(keyOf(fault));
     announce(fresh.map(fault => `${SEVERITY[fault.severity]}: ${fault.id} ${fault.text}`).join('. '));
     if (navigator.userActivation?.hasBeenActive) navigator.vibrate?.(200);
   }
