@@ -21,6 +21,9 @@ NARROW = 0.03
 BEYOND = 0.07
 """Routes are free by so much more than that [m]: the robot is not exactly on them, and a scanner measures some cm too
 little, by its noise and its systematic error."""
+TO_STOP = 0.10
+"""Beyond the distance that it keeps, the obstacle stop looks at so much unseen ground, a cell of it, before it stops
+the robot [m]."""
 MOST_OFF = 0.3
 """Farther from its route the robot is lost [m]."""
 
@@ -85,3 +88,15 @@ def goto_rules(goto: Goto, mission: Obstacles | None, robot: RobotFile) -> Obsta
     if rules is None or goto.blocked_after_s is None:
         return rules
     return replace(rules, blocked_after=goto.blocked_after_s)
+
+
+def known_behind(rules: ObstacleRules | None) -> float | None:
+    """How far behind the outline ground has to be known for the obstacle stop to let the robot reverse [m].
+
+    None: it lets it reverse anywhere.
+    """
+    if rules is None or rules.mode == "off" or rules.unseen_reverse:
+        return None
+    from artemis.motion.ground import AHEAD
+
+    return min(rules.clear + TO_STOP, AHEAD)

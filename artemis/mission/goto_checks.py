@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from artemis.bridges.poses import GOAL_POSE
 from artemis.errors import ConfigError
 from artemis.mission.files import read_data
-from artemis.mission.goto import BEYOND, AskedGoal, Goto, goto_rules
+from artemis.mission.goto import BEYOND, AskedGoal, Goto, goto_rules, known_behind
 from artemis.mission.obstacles import Obstacles
 from artemis.mission.problems import nearest
 from artemis.mission.reading import Configs, MissionReading
@@ -64,7 +64,7 @@ class GotoChecks(MissionReading):
             goal=pose,
             speed=goto.speed_m_s,
             margin=margin,
-            over_known=rules is not None and rules.mode != "off" and not rules.unseen_reverse,
+            known_behind=known_behind(rules),
         )
 
     def _check_asked(self, at: KeyPath, name: str, inputs: Configs) -> None:

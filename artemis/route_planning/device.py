@@ -141,7 +141,7 @@ class RoutePlanner:
             speed=destination.speed,
             margin=destination.margin,
             placed_scans=tuple(self._placed_scans),
-            over_known=destination.over_known,
+            known_behind=destination.known_behind,
             driven=tuple(self._driven),
         )
 
@@ -159,7 +159,7 @@ def warm_up(robot: RobotFile) -> PlannedRoute:
     empty = floor_from(OccupancyMap(cells=cells, resolution=CELL, origin=(0.0, 0.0, 0.0)))
     is_known(np.zeros((1, 4)), clearance(empty.occupied), CELL, outline_box(robot, 0.0))  # only some plans do
     start, goal = (Pose(x=share * side, y=0.5 * side) for share in (0.4, 0.6))
-    return plan_route(RouteRequest(floor=empty, robot=robot, start=start, goal=goal, speed=0.1, over_known=True))
+    return plan_route(RouteRequest(floor=empty, robot=robot, start=start, goal=goal, speed=0.1, known_behind=0.0))
 
 
 def _content(file: Path) -> bytes:

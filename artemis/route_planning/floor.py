@@ -146,7 +146,7 @@ class Destination(Struct, frozen=True, kw_only=True):
     """Highest, of the virtual front wheel [m/s]."""
     margin: float
     """Around the outline [m]."""
-    over_known: bool
+    known_behind: float | None
     """As of `RouteRequest`."""
 
 

@@ -36,9 +36,12 @@ THROUGH = 0.15
 KNOWN = 30.0
 """What was seen or driven over is known for so long [s]: half as long as the obstacle stop has it, for the robot has
 to get there first."""
-BETWEEN = 0.10
+BETWEEN, BENT = 0.10, 0.25
 """A beam that measures so much more than the one beside it, and so much less than the one on its other side, has met
-two things, and shows where nothing is [m]."""
+two things, and shows where nothing is [m]; unless it continues a wall: then the inverse distances of three beams rise
+evenly, but for this share."""
+BEHIND = math.radians(89.0)
+"""A robot looks back if its scanners look this far to both sides of there."""
 FINE = 0.035
 """Ground is looked at so often [m]: several times in a cell, however it is turned."""
 _BESIDE = [(row, column) for row in (-1, 0, 1) for column in (-1, 0, 1)]
@@ -154,34 +157,38 @@ class _Directions:
 
     def seen_free(self, scan: Scan) -> NDArray[np.bool_]:
         """Which of them the beam that passes them sees to be free."""
-        beams = np.rint(((self._bearing - scan.start_angle) % math.tau) / abs(scan.increment)).astype(np.int64)
-        if scan.increment < 0.0:
-            beams = np.rint(((scan.start_angle - self._bearing) % math.tau) / -scan.increment).astype(np.int64)
-        ranges = scan.millimetres / 1000.0
-        looked = seeing(np.degrees(scan.start_angle + scan.increment * np.arange(len(ranges))), self._mask)
-        within = beams < len(ranges)
-        beams = np.where(within, beams, 0)
-        return np.asarray(
-            within & looked[beams] & (self._distance > self._least) & (ranges[beams] > self._distance + CELL)
-        )
+        reached = _reached(scan, self._mask, self._bearing)
+        return np.asarray((self._distance > self._least) & (reached > self._distance + CELL))
+
+
+def _reached(scan: Scan, mask: Sequence[tuple[float, float]], bearings: Array) -> Array:
+    """What the beams in some directions in the scanner's frame [rad] measured [m]; 0: nothing, -1: there is no beam."""
+    turned = bearings - scan.start_angle
+    beams = np.rint((turned if scan.increment > 0.0 else -turned) % math.tau / abs(scan.increment)).astype(np.int64)
+    ranges = scan.millimetres / 1000.0
+    ranges[~seeing(np.degrees(scan.start_angle + scan.increment * np.arange(len(ranges))), mask)] = -1.0
+    within = beams < len(ranges)
+    return np.where(within, ranges[np.where(within, beams, 0)], -1.0)
+
+
+def looks_back(placed_scans: Sequence[PlacedScan], scanners: Mapping[str, Mounting]) -> bool:
+    """Whether scanners look at all that is behind the robot, whatever they measure: it sees where it reverses to."""
+    newest = {each.scan.source: each.scan for each in placed_scans}
+    behind, looked = math.pi + np.linspace(-BEHIND, BEHIND, 90), np.zeros(90, np.bool_)
+    for name, scan in newest.items():
+        looked |= _reached(scan, scanners[name].mask, behind - scanners[name].heading) >= 0.0
+    return bool(looked.all())
 
 
 def _seen_through(
     row: NDArray[np.int64], column: NDArray[np.int64], last: PlacedScan, mounting: Mounting, floor: Floor
 ) -> NDArray[np.bool_]:
     """Of each cell whether its beam reaches beyond it; a beam without a return shows nothing."""
-    scan = last.scan
-    ranges = scan.millimetres / 1000.0
     scanner = placed(last.middle, Pose(x=mounting.x_m, y=mounting.y_m, heading=mounting.heading))
     x, y, heading = floor.local(scanner)
     dx, dy = (column + 0.5) * CELL - x, (row + 0.5) * CELL - y
-    bearing = np.arctan2(dy, dx) - heading - scan.start_angle
-    bearing = (bearing if scan.increment > 0 else -bearing) % math.tau
-    beam = np.rint(bearing / abs(scan.increment)).astype(np.int64)
-    within = beam < len(ranges)
-    reached = np.where(within, ranges[np.where(within, beam, 0)], 0.0)
-    bearings = np.degrees(scan.start_angle + scan.increment * beam)
-    return np.asarray(seeing(bearings, mounting.mask) & (reached > np.hypot(dx, dy) + THROUGH))
+    reached = _reached(last.scan, mounting.mask, np.arctan2(dy, dx) - heading)
+    return np.asarray(reached > np.hypot(dx, dy) + THROUGH)
 
 
 def _lasting(cells: NDArray[np.int64], times: Array) -> NDArray[np.int64]:
@@ -198,14 +205,19 @@ def _lasting(cells: NDArray[np.int64], times: Array) -> NDArray[np.int64]:
 
 
 def _between(ranges: Array) -> NDArray[np.bool_]:
-    """Which distances [m] lie between those of their neighbours; 0: nothing was met, it is farther than any other.
+    """Which distances [m] lie between those of their neighbours; NaN: unknown, so nothing is known beside it either.
 
     They are mixed pixels: J. Tuley, N. Vandapel and M. Hebert, Analysis and removal of artifacts in 3-D ladar data,
-    ICRA 2005, pp. 2203-2210.
+    ICRA 2005, pp. 2203-2210. The distances of a wall that is seen at a grazing angle rise as fast, but the inverse ones
+    rise evenly: at a distance d the wall is at d / cos(bearing). A thin pole that is seen in one beam only, right
+    beside something nearer, is not told from them until the robot sees it from elsewhere.
     """
-    steps = np.diff(np.where(ranges > 0.0, ranges, 65.535), prepend=np.nan, append=np.nan)
+    steps, rise = np.diff(ranges, prepend=np.nan, append=np.nan), np.diff(1.0 / ranges, prepend=np.nan)
     before, after = steps[:-1], steps[1:]
-    return np.asarray(((before > BETWEEN) & (after > BETWEEN)) | ((before < -BETWEEN) & (after < -BETWEEN)))
+    rise_before = np.concatenate([[np.nan], rise[:-1]])
+    even = np.abs(rise - rise_before) <= BENT * np.abs(rise + rise_before)
+    evenly = even | np.concatenate([even, [False, False]])[2:]
+    return np.asarray((((before > BETWEEN) & (after > BETWEEN)) | ((before < -BETWEEN) & (after < -BETWEEN))) & ~evenly)
 
 
 def placed_returns(placed: PlacedScan, mounting: Mounting) -> Array:
@@ -213,8 +225,8 @@ def placed_returns(placed: PlacedScan, mounting: Mounting) -> Array:
     scan = placed.scan
     ranges = scan.millimetres / 1000.0
     bearings = scan.start_angle + scan.increment * np.arange(len(ranges))
-    counts = (ranges >= mounting.least_range_m) & (ranges <= RANGE)
-    counts &= seeing(np.degrees(bearings), mounting.mask) & ~_between(ranges)
+    ranges[(ranges < mounting.least_range_m) | ~seeing(np.degrees(bearings), mounting.mask)] = np.nan
+    counts = (ranges <= RANGE) & ~_between(ranges)
     angle, ages = bearings[counts] + mounting.heading, placed.ages[counts]
     x = mounting.x_m + ranges[counts] * np.cos(angle)
     y = mounting.y_m + ranges[counts] * np.sin(angle)

@@ -30,7 +30,7 @@ from artemis.route_planning.floor import (
     outline_box,
 )
 from artemis.route_planning.heuristic import UNREACHABLE, cost_to_go
-from artemis.route_planning.obstacle_layer import PlacedScan, known_ground, standing
+from artemis.route_planning.obstacle_layer import PlacedScan, known_ground, looks_back, standing
 from artemis.route_planning.search import (
     FINEST,
     FIRST,
@@ -38,7 +38,6 @@ from artemis.route_planning.search import (
     NARROW,
     NO_WAY,
     are_free,
-    is_known,
     search,
 )
 from artemis.values import Pose
@@ -71,9 +70,6 @@ END_DISTANCE, END_ANGLE = 0.03, math.radians(3.0)
 """The robot is at the goal if it is at most so far from it [m, rad]."""
 EXACT_ANGLE = math.radians(1.5)
 """A fitted route ends rather no more askew [rad]: to follow it takes the rest."""
-SEEN_BEHIND = 0.15
-"""So much ground behind the outline has to be known where a route leads backwards over known ground [m]: the obstacle
-stop keeps the distance of its rules and a cell from what is not, and stops within the rest."""
 RECOVERY = 0.5
 """Where no route begins, the robot may first go back so far along what it has just driven [m]."""
 ON_ROUTE, ALONG_ROUTE = 0.1, math.radians(20.0)
@@ -94,8 +90,9 @@ class RouteRequest:
     """Around the outline [m]."""
     placed_scans: tuple[PlacedScan, ...] = ()
     """What the scanners saw of late."""
-    over_known: bool = False
-    """Backwards rather only over ground that the scanners saw, or that the robot drove over."""
+    known_behind: float | None = None
+    """Backwards rather only over ground that the scanners saw, or that the robot drove over, up to so much behind the
+    outline [m]; None: over any. Scanners that look back see it while the robot drives."""
     driven: tuple[Pose, ...] = ()
     """What the robot has just driven, the oldest first: forwards, up to where it is."""
     present: tuple[int, ...] = ()
@@ -126,7 +123,7 @@ class _Try(NamedTuple):
     greedy: float
     most: int
     over_known: bool = False
-    """As of the request; else wherever nothing stands."""
+    """Backwards only over known ground; else wherever nothing stands."""
 
 
 def plan_route(request: RouteRequest) -> PlannedRoute:
@@ -161,14 +158,6 @@ def _end(route: Route) -> Pose:
     return Pose(x=end.x, y=end.y, heading=last.heading_at(last.path.length))
 
 
-def _turned_round(points: Array) -> Array:
-    """A route as `search` gives it, driven from its last pose to its first."""
-    back = points[::-1].copy()
-    back[1:, 3] = -points[:0:-1, 3]
-    back[0, 3] = back[1, 3] if len(back) > 1 else 0.0
-    return back
-
-
 class _Planning:
     def __init__(self, request: RouteRequest) -> None:
         self._request, self._floor = request, request.floor
@@ -190,10 +179,11 @@ class _Planning:
             under = covered(self._floor.occupied, self._start, self._first_box)
             under |= covered(occupied, self._start, bare, reach=0.0)
             self._begun = clearance(occupied & ~under)
-        self._seen = bare - (0.0, SEEN_BEHIND, 0.0)
-        self._anywhere = np.full_like(self._clear, np.inf)
-        self._known = self._anywhere
-        if request.over_known:
+        self._seen = bare - (0.0, request.known_behind or 0.0, 0.0)
+        self._known = self._anywhere = np.full_like(self._clear, np.inf)
+        looked_back = looks_back(request.placed_scans, request.robot.scanners)
+        self._over_known = request.known_behind is not None and not looked_back
+        if self._over_known:
             known = known_ground(request.placed_scans, request.robot, self._floor)
             known |= covered(np.ones_like(known), self._start, bare)
             self._known = clearance(~known)
@@ -241,7 +231,7 @@ class _Planning:
             self._reasons.append("no path leads there, however the robot turns")
             return None
         begun, first_box = (self._clear, self._box) if back else (self._begun, self._first_box)
-        over_known, from_start = not back and self._request.over_known, None
+        over_known, from_start = not back and self._over_known, None
         for each in self._tries(over_known=over_known):
             if not each.from_goal:
                 field, first = to_go, first_box
@@ -265,7 +255,7 @@ class _Planning:
         return self._askew and replace(self._askew, expanded=self._expanded)
 
     def _sought(self, each: _Try, ends: tuple[Array, Array], begun: Field, field: Field, first: Array) -> Array | None:
-        """Places along a route as `search` gives it, from the start to the goal; None: there is none."""
+        """Places along a route as `search` gives it; None: there is none."""
         known = self._known if each.over_known else self._anywhere
         points, why, expanded = search(
             self._clear, begun, self._cost, field, *ends, self._box, first, self._wide,
@@ -277,10 +267,7 @@ class _Planning:
             among = "" if why == NO_WAY else f" among {MOST} poses"
             self._reasons.append(f"no route was found{among} with a radius of {each.radius:.2f} m")
             return None
-        if not each.from_goal:
-            return np.asarray(points)
-        points = _turned_round(points)
-        return points if is_known(points, known, CELL, self._seen) else None
+        return np.asarray(points)
 
     def _aims(self) -> Iterator[Array]:
         """Where a search is to end: at the goal; then so far beside it as the fitted route ended on the other side."""
@@ -350,7 +337,7 @@ class _Planning:
         return free
 
     def _rest_is_free(self) -> bool:
-        """Whether the present route is free, and backwards known, from where the robot is: where it first comes by."""
+        """Whether the present route is free from where the robot is: where it first comes by."""
         request = self._request
         driven, places = _places(unpacked_route(request.present))
         start, away = request.start, np.hypot(places[:, 0] - request.start.x, places[:, 1] - request.start.y)
@@ -359,8 +346,7 @@ class _Planning:
         if not here.size:
             return False
         rest, left = self._floor.local_poses(places[here[0] + 1 :]), driven[here[0] + 1 :] - driven[here[0]]
-        known = not request.over_known or is_known(rest, self._known, CELL, self._seen)
-        return known and bool(self._are_free(rest, left).all())
+        return bool(self._are_free(rest, left).all())
 
     def _off_goal(self, pose: Pose) -> tuple[float, float]:
         """How far a pose is from the goal [m], and by how much it is turned [rad]."""

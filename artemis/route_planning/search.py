@@ -168,12 +168,12 @@ def search(
         radius: least one of the rear axle's path.
         resolution: side of a cell.
         most: poses that are expanded.
-        sense: -1: the route will be driven from its last pose to its first; what costs more is then forwards here.
+        sense: -1: the route leads from the goal to the start; what costs more is then forwards here.
         greedy: the heuristic counts so many times.
 
     Returns:
-        Points about `SPACING` apart (x, y, heading, direction: 1 forwards, -1 backwards), shape (n, 4); `FOUND` or why
-        not; how many poses were expanded.
+        Points about `SPACING` apart as they are driven (x, y, heading, direction: 1 forwards, -1 backwards), shape
+        (n, 4); `FOUND` or why not; how many poses were expanded.
     """
     columns, ahead, stack, word = clear.shape[1], box[1] + box[2], np.empty((64, 4)), np.zeros(6)
     prices = np.array([BACK, CUSP / radius, SHORTEST / radius])
@@ -201,7 +201,11 @@ def search(
             midway = box if left < NEAR else wide
             if _joins(poses[number], driven[number], backed[number], behind[number], (clear, begun, known), goal, box,
                       first_box, midway, bare, radius, resolution, word, stack, sense):  # fmt: skip
-                return _route(poses, steered, direction, parent, number, word, radius), FOUND, expanded
+                route = _route(poses, steered, direction, parent, number, word, radius)
+                if sense < 0.0:
+                    route = _turned_round(route)
+                if sense > 0.0 or is_known(route, known, resolution, bare):
+                    return route, FOUND, expanded
         count = _expand(number, count, nodes, (keys, best), heap, (clear, begun, cost, to_go, known), box, first_box,
                         wide, bare, radius, resolution, stack, sense, greedy)  # fmt: skip
     return np.empty((0, 4)), (TOO_LONG if heap else NO_WAY), expanded
@@ -213,7 +217,8 @@ def _went(step: float, backed: float, behind: float) -> tuple[float, float]:
 
     Where the latter is negative, or the former above `MOST_BACK`, the robot may reverse over known ground only. At its
     start a robot has not seen what is beside it, so the latter starts at minus its length. A search from the goal
-    takes the steps in the opposite order, and counts down from `BEHIND` what has to be driven forwards before them.
+    takes the steps in the opposite order, and counts down from `BEHIND` what has to be driven forwards before them;
+    `is_known` judges the route that it finds.
     """
     if step >= 0.0:
         return 0.0, min(behind + step, BEHIND)
@@ -345,6 +350,16 @@ def _route(
     if made > 1:
         route[0, 3] = route[1, 3]
     return route[:made].copy()
+
+
+@compiled
+def _turned_round(points: Array) -> Array:
+    """A route driven from its last pose to its first."""
+    back = points[::-1].copy()
+    if len(back) > 1:
+        back[1:, 3] = -points[:0:-1, 3]
+        back[0, 3] = back[1, 3]
+    return back
 
 
 @compiled

@@ -34,7 +34,8 @@ def held_up(shared: Shared, mode: Mode, wish: Wish, snapshot: Snapshot) -> Wish:
         done = wish.done or 0.0
         waited = route.waited(done)
         most = step.replans if isinstance(step, GotoStep) else 0
-        if clearance.unseen and not waited and route.replan(most, done, clearance.blocked):
+        in_vain = waited and route.unseen
+        if clearance.unseen and not in_vain and route.replan(most, done, clearance.blocked, unseen=True):
             return replace(ended, done=wish.done)
         if clearance.unseen or clearance.blocked + waited >= shared.rules.blocked_after:
             return replace(ended, acted=wish.acted, done=wish.done, outcome=BLOCKED)

@@ -64,7 +64,7 @@ class RoutePlanning:
             self._goal, self._job = goal, None
         if self._job is None:
             (job,) = shared.bring_up.jobs(JobKind.PLAN, [PLANNER], [shared.position.step])
-            present = route.planned if route.replanning else ()
+            present = route.kept_if_free
             self._job = replace(job, values=present if goal is None else (*packed_poses([goal]), *present))
             return replace(stand, jobs=(self._job,))
         result = next((each for each in snapshot.sensed.results if each.id == self._job.id), None)

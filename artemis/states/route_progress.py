@@ -18,6 +18,7 @@ class RouteProgress:
         goal: What the step was given, if it asks for one.
         replans: How often another route was planned for an obstacle.
         replanning: Another one is to be planned, now that the robot stands.
+        unseen: It was to be planned last because ground was not seen: then the present one is of no use, free or not.
     """
 
     def __init__(self, state: str) -> None:
@@ -25,7 +26,7 @@ class RouteProgress:
         numbers = json.decode(state, type=tuple[float, ...]) if state else (0.0,)
         self.replans = int(numbers[0])
         self.goal = Pose(x=numbers[1], y=numbers[2], heading=numbers[3]) if len(numbers) > 1 else None
-        self.replanning = False
+        self.replanning, self.unseen = False, False
         self.planned: tuple[int, ...] = ()
         self._stood = 0.0, 0.0
         """Where on the route the robot stood when it looked for another one last [m], and for how long in all [s]."""
@@ -49,13 +50,18 @@ class RouteProgress:
         """How long the robot has waited at `done` [m] before it looked for another route last [s]."""
         return self._stood[1] if abs(done - self._stood[0]) < SAME_PLACE else 0.0
 
-    def replan(self, most: int, done: float, blocked: float) -> bool:
+    @property
+    def kept_if_free(self) -> tuple[int, ...]:
+        """The present route, if the robot looks for another one because something stands on it."""
+        return self.planned if self.replanning and not self.unseen else ()
+
+    def replan(self, most: int, done: float, blocked: float, *, unseen: bool = False) -> bool:
         """Have another route planned for an obstacle, if that was done less than `most` times; whether it will be.
 
         The robot is at `done` [m] of the present one, and has stood there for `blocked` [s].
         """
         if not self.planned or self.replans >= most:
             return False
-        self._stood = done, self.waited(done) + blocked
+        self._stood, self.unseen = (done, self.waited(done) + blocked), unseen
         self.replans, self.replanning = self.replans + 1, True
         return True

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from artemis.clock import cpu_time
-from artemis.mission.goto import BEYOND, NARROW
+from artemis.mission.goto import BEYOND, NARROW, TO_STOP
 from artemis.mission.loading import load_model
 from artemis.motion.planned_route import unpacked_route
 from artemis.motion.poses import placed
@@ -100,11 +100,11 @@ def asked(plan: FloorPlan, robot: RobotFile, seed: int, *, sees: bool) -> RouteR
         if math.dist((start.x, start.y), (goal.x, goal.y)) > LEAST
         and all(goal_problem(on, robot, pose, margin) is None for pose in (start, goal, ahead))
     )
-    request = RouteRequest(floor=on, robot=robot, start=start, goal=goal, speed=0.5, margin=margin, over_known=sees)
+    request = RouteRequest(floor=on, robot=robot, start=start, goal=goal, speed=0.5, margin=margin)
     if not sees:
         return request
     scans = tuple(seen(plan, name, mounting, start) for name, mounting in robot.scanners.items())
-    return replace(request, placed_scans=scans)
+    return replace(request, placed_scans=scans, known_behind=NARROW + TO_STOP)
 
 
 def seen(plan: FloorPlan, name: str, mounting: Mounting, pose: Pose) -> PlacedScan:

@@ -163,6 +163,18 @@ def test_where_ground_was_not_seen_another_route_is_planned_once_and_nothing_wai
     assert "the ground ahead was not seen" in rolling.fault.text
     asked = blocked(steps, 0.1, unseen=True)
     assert (asked.event, asked.outcome, steps.route.replanning) == (Event.DONE, "", True)
+    assert steps.route.kept_if_free == (), "the present route leads over unseen ground, however free it is"
+    assert blocked(steps, 0.1, unseen=True).outcome == BLOCKED
+
+
+def test_where_the_robot_waited_for_an_obstacle_unseen_ground_has_another_route_planned_all_the_same() -> None:
+    steps = shared(step(replans=3, obstacles=ObstacleRules(mode="stop", blocked_after=30.0)))
+    steps.route.planned = VALUES
+
+    assert blocked(steps, REPLAN_AFTER).event is Event.DONE
+    assert steps.route.kept_if_free == VALUES
+    asked = blocked(steps, 0.1, unseen=True)
+    assert (asked.event, asked.outcome, steps.route.kept_if_free) == (Event.DONE, "", ())
     assert blocked(steps, 0.1, unseen=True).outcome == BLOCKED
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace as replace_in
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from artemis.route_planning import planner
 from artemis.route_planning.curves import rolled, shortest
 from artemis.route_planning.device import warm_up
 from artemis.route_planning.floor import CELL, Floor, clearance, floor_from, goal_problem, resampled
-from artemis.route_planning.obstacle_layer import PlacedScan, known_ground, placed_returns, standing
+from artemis.route_planning.obstacle_layer import PlacedScan, known_ground, looks_back, placed_returns, standing
 from artemis.route_planning.planner import PlannedRoute, RouteRequest, plan_route
 from artemis.route_planning.search import MOST_BACK
 from artemis.route_planning.zones import MapZone
@@ -319,23 +320,26 @@ def test_a_route_begins_backwards_over_known_ground_if_there_is_some(driven: boo
     start, goal = Pose(x=1.6, y=0.8), Pose(x=0.8, y=2.0, heading=math.pi)
     came = [PlacedScan(0.5 * n, Pose(x=0.6 + 0.1 * n, y=0.8), scan_with(WALLS, 0.5 * n)) for n in range(11)]
     seen = tuple(came if driven else came[-1:])
-    known, found = known_ground(seen, ROBOT, on), planned(on, start, goal, placed_scans=seen, over_known=True)
+    known, found = known_ground(seen, ROBOT, on), planned(on, start, goal, placed_scans=seen, known_behind=0.15)
     (first, *_) = unpacked_route(found.values).parts
     assert first.backward
     row, column = on.cells_of(np.column_stack([first.path.x, first.path.y])[:40] - (REAR - 0.01, 0.0))
     assert known[row, column].all() == driven
 
 
-@pytest.mark.parametrize("known", [True, False])
-def test_a_route_is_kept_backwards_only_over_ground_that_is_known_still(known: bool) -> None:
-    """What was driven over long ago is as good as unknown: the same route would not help."""
-    on = floor((2.4, 0.0, 2.6, 2.2))
-    start, goal = Pose(x=1.6, y=0.8), Pose(x=0.8, y=2.0, heading=math.pi)
-    came = tuple(PlacedScan(0.5 * n, Pose(x=0.6 + 0.1 * n, y=0.8), scan_with(WALLS, 0.5 * n)) for n in range(11))
-    present = planned(on, start, goal, placed_scans=came, over_known=True).values
-    seen = came if known else (*came[:-1], PlacedScan(60.0, start, scan_with(WALLS, 60.0)))
-    again = planned(on, start, goal, placed_scans=seen, over_known=True, present=present)
-    assert (again.detail == "the rest of the route is free") == known
+@pytest.mark.parametrize(("heading", "looks"), [(math.pi, True), (math.pi - 1.0, False), (0.0, False)])
+def test_where_a_scanner_looks_back_no_ground_behind_has_to_be_known(heading: float, looks: bool) -> None:
+    """One of 270 degrees that points back, obliquely back, or ahead."""
+    mounting = ROBOT.scanners["front"].model_copy(update={"heading_deg": math.degrees(heading)})
+    scans = (PlacedScan(1.0, START, scan_with(WALLS, 1.0)),)
+    assert looks_back(scans, {"front": mounting}) == looks
+    assert not looks_back(scans, {"front": mounting.model_copy(update={"mask": ((-5.0, 5.0),)})})
+    assert not looks_back((), {"front": mounting})
+    robot = ROBOT.model_copy(update={"scanners": {"front": mounting}})
+    goal = Pose(x=2.0, y=1.0)
+    back = RouteRequest(floor=floor(), robot=robot, start=Pose(x=3.6, y=1.0), goal=goal, speed=0.5, placed_scans=scans)
+    straight, seen = (plan_route(replace_in(back, known_behind=behind)) for behind in (None, 0.15))
+    assert (straight.values == seen.values) == looks
 
 
 def test_a_search_from_the_goal_drives_backwards_over_unknown_ground_only_as_far_as_allowed(
@@ -352,12 +356,20 @@ def test_a_search_from_the_goal_drives_backwards_over_unknown_ground_only_as_far
         return max(part.path.length for part in parts if part.backward)
 
     assert farthest_back() > 2.0
-    assert farthest_back(over_known=True) < MOST_BACK + 0.1
+    assert farthest_back(known_behind=0.15) < MOST_BACK + 0.1
 
 
 @pytest.mark.parametrize(
     ("before", "after", "counts"),
-    [(4000, 4000, True), (1000, 4000, False), (4000, 1000, False), (1000, 0, False), (0, 0, True), (1750, 4000, True)],
+    [
+        (4000, 4000, True),
+        (1000, 4000, False),
+        (4000, 1000, False),
+        (1000, 0, True),
+        (0, 4000, True),
+        (0, 0, True),
+        (1750, 4000, True),
+    ],
 )
 def test_what_a_beam_measures_between_two_things_is_nowhere(before: int, after: int, counts: bool) -> None:
     """It meets the edge of what is near, and what is behind it; a pole is nearer than both of its neighbours."""
@@ -365,6 +377,23 @@ def test_what_a_beam_measures_between_two_things_is_nowhere(before: int, after: 
     ranges[250:270], ranges[270], ranges[271:290] = before, 1800, after
     returns = placed_returns(PlacedScan(1.0, Pose(), scan_with(ranges, 1.0)), ROBOT.scanners["front"])
     assert bool((np.abs(returns[:, 0] - 0.56 - 1.8) < 0.01).any()) == counts
+
+
+@pytest.mark.parametrize("beside", [0.3, 0.5, 1.0])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_wall_that_is_seen_at_a_grazing_angle_stands_there(beside: float, side: float) -> None:
+    """Two neighbouring beams are up to half a metre apart on it; noise as of an LMS100."""
+    bearings = np.radians(np.arange(541) * 0.5 - 135.0)
+    with np.errstate(divide="ignore"):
+        true = beside / np.sin(side * bearings)
+    dice = np.random.default_rng(3)
+    for _ in range(20):
+        noisy = true + dice.normal(0.0, 0.012, 541)
+        ranges = np.where((true > 0.0) & (true < 4.0), 1000.0 * noisy, 8000.0).astype("<u2")
+        wall = placed_returns(PlacedScan(1.0, Pose(), scan_with(ranges, 1.0)), ROBOT.scanners["front"])
+        at = np.sort(wall[np.abs(wall[:, 1] - side * beside) < 0.03, 0] - 0.56)
+        assert at[-1] > 3.4
+        assert np.diff(at[at > 0.6]).max() < 0.65, "a hole in the wall"
 
 
 @pytest.mark.parametrize("size", [0.5, 1.0, 3.0])
