@@ -205,7 +205,8 @@ class _Run:
         period = 1 / self.loaded.mission.tick_hz
         core = Core(structs.replace(self.plan, steps=steps), period)
         self.results = core.results
-        robot = self.parts.robot(core, equipment.devices, guard, period, observe, self.attendance.there)
+        there = self.attendance.there
+        robot = self.parts.robot(core, equipment.devices, guard, period, observe, there, awaited=bool(live))
         self._begin_faults(equipment, inputs, localizer, robot)
         stop_listening = self.attendance.begin(loop, robot.request)
         try:

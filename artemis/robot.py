@@ -82,13 +82,18 @@ class Robot:
         period: float,
         observe: Callable[[Tick], None],
         attended: Callable[[float], bool] = lambda time: False,
+        *,
+        awaited: bool = False,
     ) -> None:
-        """`observe` sees every tick; `attended` tells whether somebody can acknowledge and arm at a run time [s]."""
+        """`observe` sees every tick; `attended` tells whether somebody can acknowledge and arm at a run time [s].
+
+        `awaited`: the mission has devices at which somebody may still come who can.
+        """
         self._core, self._devices, self._guard, self._period, self._observe = core, devices, guard, period, observe
         self._requests, self._answers = list[Request](), list[Answer]()
         self._results, self._faults = list[JobResult](), list[Fault]()
         self._index, self._start, self._late, self._sent = 0, 0.0, 0.0, 0.0
-        self._ticking, self._attended = False, attended
+        self._ticking, self._attended, self._awaited = False, attended, awaited
         self._failure: BaseException | None = None
 
     def tick(self, now: float, urgent: bool = False) -> Tick:
@@ -149,8 +154,8 @@ class Robot:
             time=now - self._start,
             late=0.0 if urgent else self._late,
             sent=self._sent,
-            urgent=urgent,
             attended=self._attended(now - self._start),
+            awaited=self._awaited,
             drives=readings.drives,
             bus=readings.bus,
             inputs=inputs,
@@ -161,7 +166,9 @@ class Robot:
             scans=readings.scans,
             battery_v=readings.battery_v,
         )
-        if self._answers or any([sample.answers for sample in inputs]):  # one call with more than 15 keywords is slow
+        if urgent:  # one call with more than 15 keywords is slow
+            sensed = replace(sensed, urgent=True)
+        if self._answers or any([sample.answers for sample in inputs]):
             texts = [it for it in self._answers if isinstance(it, str)]
             typed = [it for it in self._answers if isinstance(it, TypedAnswer)]
             texts += [answer for sample in inputs for answer in sample.answers]

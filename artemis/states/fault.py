@@ -17,6 +17,7 @@ from artemis.states.mode import (
     finish_jobs,
     give_up,
     is_second,
+    may_answer,
     nobody_answers,
     secure,
 )
@@ -90,7 +91,7 @@ class FaultMode(RoutineMode):
         verdict, present = snapshot.verdict, snapshot.verdict.faults[0]
         late = snapshot.time > latest
         goes_on = verdict.recovers and not self.bring_up.held and (verdict.resumes or self.bring_up.armed)
-        alone = not (snapshot.sensed.attended or goes_on)
+        alone = not (may_answer(snapshot) or goes_on)
         if late or alone or is_second(self.shared, snapshot):
             phase = "no operator to acknowledge" if alone and not verdict.final else "fault"
             return (yield give_up(replace(idle, phase=phase), late=late))

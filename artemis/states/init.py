@@ -23,6 +23,7 @@ from artemis.states.mode import (
     give_up,
     hands_on,
     listen,
+    may_answer,
     secure,
 )
 from artemis.supervision import catalogue
@@ -71,7 +72,7 @@ class InitMode(RoutineMode):
             bring_up.armed or Request.ARM in snapshot.sensed.requests
         ):
             late = snapshot.time > latest
-            if late or not (bring_up.armed or snapshot.sensed.attended):
+            if late or not (bring_up.armed or may_answer(snapshot)):
                 yield give_up(replace(OFF, phase="no operator to arm"), late=late)
             snapshot = yield replace(OFF, phase=held or "waiting for arm")
         bring_up.armed = bring_up.held = False

@@ -159,6 +159,11 @@ def secure(shared: Shared, wish: Wish, snapshot: Snapshot) -> Finished:
     return found, snapshot
 
 
+def may_answer(snapshot: Snapshot) -> bool:
+    """Whether somebody can acknowledge and arm, or may still come who can: enough where the drives are off."""
+    return snapshot.sensed.attended or snapshot.sensed.awaited
+
+
 PATIENCE = 600.0
 """After waiting so long for a person the run ends [s] (OPR-03)."""
 

@@ -19,6 +19,7 @@ from artemis.states.mode import (
     finish_jobs,
     give_up,
     hands_on,
+    may_answer,
     secure,
 )
 from artemis.values import DriveCommand, Event, JobKind, Request, Severity, Snapshot, Wish
@@ -92,7 +93,8 @@ class QuickstopMode(RoutineMode):
 
     def _waiting(self, rest: Wish, snapshot: Snapshot, latest: float) -> Wish:
         """At rest, with what it waits for; ends the run where no operator will come."""
-        alone = not snapshot.sensed.attended and not self._goes_on
+        answers = may_answer(snapshot) if rest is OFF else snapshot.sensed.attended
+        alone = not (answers or self._goes_on)
         if alone or snapshot.time > latest:
             return give_up(replace(rest, phase="no operator to arm" if alone else "stopped"), late=not alone)
         wish = replace(rest, phase=waits_for(snapshot) or "stopped: arm to continue")

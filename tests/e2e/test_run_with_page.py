@@ -101,6 +101,30 @@ def test_a_run_is_driven_from_its_page_and_survives_it(tmp_path: Path, monkeypat
         assert run.wait(60) == 1
 
 
+@pytest.mark.realtime
+@pytest.mark.exhaustive
+def test_a_fault_before_anybody_has_come_to_the_page_does_not_end_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without a terminal: the operator whom the mission requires may still come."""
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    mission, port = tmp_path / "mission.yaml", free_port()
+    mission.write_text(MISSION + "simulation: {faults: [{at_s: 0.5, inject: DRV-25, node: steer-left}]}\n")
+    shutil.copy(ROBOT, tmp_path)
+    url = f"http://127.0.0.1:{port}"
+    with started("run", mission, "--page-port", str(port)) as run:
+        (code,) = re.findall(r"pair#(\w+)", read_until(run, "DRV-25"))
+        patient = httpx.HTTPTransport(retries=6)
+        with httpx.Client(base_url=url, headers={"origin": url}, timeout=20, transport=patient) as client:
+            assert client.post("/pair", json={"code": code}).status_code == 200
+            operator = Operator(url, client, run)
+            with operator._link("/telemetry") as telemetry:
+                while "acknowledge" not in operator.state.get("phase", ""):
+                    operator.state = json.loads(telemetry.recv(20)).get("state", operator.state)
+        run.send_signal(signal.SIGINT)
+        run.wait(60)
+
+
 def test_one_more_browser_is_paired_by_a_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
     done = artemis_here("page", "pair", "--page-port", "8765")

@@ -59,6 +59,7 @@ class Machine:
     """Of the ticks [s]."""
     requests: tuple[Request, ...] = ()
     attended: bool = True
+    awaited: bool = False
     states: dict[str, DriveState] = field(default_factory=dict)
     """Of the drives in the end."""
     returned: Snapshot | None = None
@@ -135,7 +136,8 @@ class Machine:
             values = {"position": self.position(name), "angle_sensor": self.shows(self.angles[name])} if steers else {}
             said.append(drive(name, state=states[name], potentiometers=(0.0, 0.0), frames=1, **values))
         asks = self.accepts[0] <= time <= self.accepts[1]
-        more: dict[str, Any] = {"requests": self.requests if asks else (), "attended": self.attended}
+        more: dict[str, Any] = {"requests": self.requests if asks else ()}
+        more |= {"attended": self.attended, "awaited": self.awaited}
         seen = snapshot(time, set_points=points, drives=tuple(said), results=results, **more)
         return replace(seen, dt=self.period)
 
@@ -309,6 +311,12 @@ def test_a_person_who_is_not_there_ends_it() -> None:
     assert (id, device) == ("CAL-01", "")
     assert f"no answer from the operator: {STRAIGHT}" in text
     assert asked(car) == []
+
+
+def test_it_waits_for_a_person_who_may_still_come() -> None:
+    car = by_hand(attended=False, awaited=True, requests=(Request.ACCEPT,), accepts=(0.75, inf))
+    car.find()
+    assert asked(car)
 
 
 def test_wheels_that_a_person_set_straight_count_from_there() -> None:

@@ -251,8 +251,12 @@ def test_nobody_there_to_acknowledge_ends_the_run_as_failed() -> None:
     assert (wish.event, wish.failed) == (Event.END, True)
 
 
-def test_run_ends_when_nobody_acknowledges_for_ten_minutes() -> None:
-    expires(waiting_for_acknowledgment()[0])
+@pytest.mark.parametrize("attended", [True, False])
+def test_run_ends_when_nobody_acknowledges_for_ten_minutes(attended: bool) -> None:
+    """Neither who is there, nor who may still come."""
+    player, _ = waiting_for_acknowledgment()
+    player.world.update(attended=attended, awaited=True)
+    expires(player)
 
 
 # ---------------------------------------------------------------------------------------------- recovery

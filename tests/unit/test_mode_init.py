@@ -171,6 +171,13 @@ def test_nobody_there_to_arm_ends_the_run_as_failed() -> None:
     assert not any(map(powered, bring_up.player.wishes))
 
 
+def test_bring_up_waits_for_somebody_who_may_still_come_to_arm() -> None:
+    bring_up = BringUp(armed=False)
+    bring_up.player.world.update(attended=False, awaited=True)
+    bring_up.player.until(lambda wish: "waiting for arm" in wish.phase)
+    expires(bring_up.player)
+
+
 @pytest.mark.parametrize("kind", [JobKind.SECURE, JobKind.CONFIGURE, JobKind.REFERENCE, JobKind.CLEAR_TARGET])
 @pytest.mark.parametrize("name", ["traction-right", "steer-left"])
 def test_job_that_fails_in_init_is_a_fault_of_its_drive(kind: JobKind, name: str) -> None:

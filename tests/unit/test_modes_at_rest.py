@@ -219,8 +219,19 @@ def test_nobody_there_to_arm_ends_the_run_as_failed() -> None:
     assert (wish.event, wish.failed) == (Event.END, True)
 
 
-def test_quickstop_waits_for_arm() -> None:
+def test_a_stop_that_holds_the_drives_under_power_waits_for_nobody_who_only_may_come() -> None:
     player, _ = quickstop()
+    player.world.update(attended=False, awaited=True)
+    assert powered(player.tick(standing=False, verdict=verdict("INP-03")))
+    wish = player.until(has_event)
+    assert (wish.event, wish.failed, wish.phase) == (Event.END, True, "no operator to arm")
+
+
+@pytest.mark.parametrize("attended", [True, False])
+def test_quickstop_waits_for_arm(attended: bool) -> None:
+    """Also for somebody who may still come, as long as the drives are off."""
+    player, _ = quickstop()
+    player.world.update(attended=attended, awaited=True)
     player.world.update(STOPPED)
     for _ in range(100):
         wish = player.tick()

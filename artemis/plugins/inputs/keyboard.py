@@ -110,7 +110,7 @@ class KeyboardInput:
 
     Config: ClassVar[type[Config]] = KeyboardConfig
     contract: ClassVar[int] = 1
-    live: ClassVar[bool] = True
+    live: bool = True
     enable: ClassVar[str] = "an arrow key"
 
     def __init__(self, config: KeyboardConfig, context: PluginContext) -> None:
@@ -127,7 +127,7 @@ class KeyboardInput:
         self._heard: float | None = None
         self._last_read: float | None = None
         self._steering = 0.0
-        self._there = context.typed(self._listen)
+        self.live = self._there = context.typed(self._listen)
 
     @staticmethod
     def may_share(_one: KeyboardConfig, _other: KeyboardConfig, _files: Mapping[str, bytes]) -> bool:
