@@ -31,7 +31,8 @@ class Motor(Config):
     """What the drive has to know of its motor."""
 
     type: Literal["dc", "ec_sine", "ec_block"]
-    """dc: with brushes; ec_block: brushless, with halls only; ec_sine: brushless, with halls and encoder."""
+    """dc: with brushes; ec_block: brushless, block commutation, which halls alone allow; ec_sine: brushless, sinusoidal
+    commutation (EPOS and EPOS2: with an encoder beside the halls)."""
     pole_pairs: Annotated[int, Field(ge=1, le=255)]
     """Of the rotor; a motor of type dc has 1."""
     continuous_current_ma: Current
@@ -106,7 +107,7 @@ class Drive(Config):
     """What the drive must be: 0x6010 is an EPOS 24/1, 0x6210 an EPOS 24/5 (the last digit of an EPOS and an EPOS2 does
     not count), 0x6150 an EPOS4 50/5; of another CiA 402 drive its product code."""
     min_firmware: Unsigned32 | None = None
-    """Lowest software version; if left out, the one that the family's tables were made for."""
+    """Lowest software version; if left out, the one that the family's tables were made for, of cia402 any."""
     serial_number: Annotated[int, Field(ge=0, le=0xFFFFFFFFFFFFFFFF)] | None = None
     """What the drive must be, too; if left out, any."""
     motor: Motor

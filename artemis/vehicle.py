@@ -52,7 +52,7 @@ class Limits(Config):
     deceleration_m_s2: Acceleration
     """Of the virtual front wheel, when it becomes slower and in a controlled stop."""
     quick_stop_deceleration_m_s2: Acceleration
-    """Of each wheel: the drives' own quick stop."""
+    """Of each driven wheel: the drives' own quick stop."""
     steering_deg: Annotated[float, Quantity(5.0, 79.0, "degrees")]
     """Largest angle of the virtual front wheel, to either side."""
     steering_rate_wheel_deg_s: Annotated[float, Quantity(2.0, 720.0, "degrees/s")]

@@ -69,14 +69,14 @@ def certify(given: Sequence[str]) -> None:
 def pair(port: int | None, address: str | None) -> None:
     """Say how one more browser is paired, and whether a page is there. Raises ConfigError."""
     config = config_from(page_options(port, address, None))
-    announce(config)
     try:
         socket.create_connection((config.listen, config.port), ANSWERS).close()
     except OSError as error:
         sys.stdout.write(
-            f"warning       nothing answers at {url_of(config)} ({error.strerror or error}): is a page served now, and "
-            "on this port? --page-port N\n"
+            f"warning       nothing answers at {url_of(config)} ({error.strerror or error}): is a page served now, at "
+            "this address and port? --page-address A, --page-port N\n"
         )
+    announce(config)
 
 
 def announce(config: PageObserverConfig | None) -> None:

@@ -32,7 +32,7 @@ from artemis.errors import ConfigError, RecordingError
 from artemis.mission.extras import slower_without_numba
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.schema import BusWords
-from artemis.notify import ServiceManager
+from artemis.notify import STATUS, ServiceManager
 from artemis.planning import (
     asks,
     check_drivable,
@@ -141,18 +141,19 @@ def run_in_sight(
         prepare()
     if not started_by:
         announce(page_of(loaded))
+    manager = ServiceManager()
     outcome = run_mission(
         loaded,
         source,
         simulate=simulate,
-        watch=told_to(ServiceManager(), answering.beside(watch)),
+        watch=told_to(manager, answering.beside(watch)),
         observers={"live view": view},
         operator=operator,
         resume_point=resume_point,
     )
     with report_unbroken():
         then(outcome)
-        _conclude(outcome, "" if simulated else _another_bus(loaded, outcome))
+        _conclude(outcome, "" if simulated else _another_bus(loaded, outcome), manager)
     return outcome
 
 
@@ -212,18 +213,24 @@ def _another_bus(loaded: LoadedMission, outcome: Outcome) -> str:
     return f"to run beside the other one, take a free group: bus: {{interface: {INTERFACE}, channel: {free_group()}}}"
 
 
-def _conclude(outcome: Outcome, advice: str) -> None:
+def _conclude(outcome: Outcome, advice: str, manager: ServiceManager) -> None:
     """Print the summary, then write the page: drawing its figures takes longer than many a run."""
+
+    def print_result(faults: Sequence[str], failure: str) -> None:
+        words = _result(outcome, faults, failure)
+        _print("result", words)
+        manager.tell(STATUS + words)
+
     sys.stdout.write("\n")
     try:
         recording = Recording(outcome.run.path)
         series = read_series(recording)
         found = summary(recording, series)
     except RecordingError as error:  # the disk failed; how the run ended is known all the same
-        _print("result", _result(outcome, (), ""))
+        print_result((), "")
         _print("recording", str(error))
         return
-    _print("result", _result(outcome, found.faults, series.mission.failure))
+    print_result(found.faults, series.mission.failure)
     if advice:
         _print("", advice)
     if series.mission.remedy:

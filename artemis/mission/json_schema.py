@@ -60,8 +60,9 @@ def _schema(model: type[Config], *modules: ModuleType | None, template: str = "#
             properties[key]["description"] = description
     for value in (value for each in models.values() for value in each.get("properties", {}).values()):
         used = [each["$ref"].rpartition("/")[2] for each in (value, *value.get("anyOf", ())) if "$ref" in each]
-        if "description" not in value and len(used) == 1:
-            value["description"] = models[used[0].rpartition(".")[2]].get("description", "").partition("\n\n")[0]
+        told = models[used[0].rpartition(".")[2]].get("description") if len(used) == 1 else None
+        if told and "description" not in value:
+            value["description"] = told.partition("\n\n")[0]
     return found
 
 

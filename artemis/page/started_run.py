@@ -27,8 +27,6 @@ CANCEL_TIME = 10.0
 """Time to end before its first tick, or after its last if it is no longer waited for [s]; then it is killed."""
 END_TIME = 90.0
 """Time to end in order, and to write its report [s]; then it is killed."""
-RESULT = "result  "
-"""Begins the line of a run's summary that says how it ended."""
 MOST_OUTPUT, MOST_LINES, LONGEST_LINE = 1 << 20, 40, 300
 ENDINGS = {
     0: "done",
@@ -62,7 +60,7 @@ class StartedRun:
         self.is_ready = self.is_stopping = False
         """It ticks; its last tick was executed."""
         self.status = ""
-        """What it does, as it reports that."""
+        """What it does, as it reports that; after its last tick, its result."""
         self.killed_at = inf
         """When it is killed if it has not ended [s]."""
         self._heard, self._why = now, ""
@@ -96,7 +94,7 @@ class StartedRun:
             if words == READY:
                 self.is_ready, self._heard, self.killed_at = True, now, inf
             elif words == STOPPING:
-                self.is_stopping = True
+                self.is_stopping, self.status = True, ""
             elif words == WATCHDOG:
                 self._heard = now
             elif words.startswith(STATUS):
@@ -114,7 +112,9 @@ class StartedRun:
     def outcome(self) -> str:
         """How it ended."""
         status = self._process.returncode
-        words = (self._result() if status in (0, 1) else "") or ending(status)
+        words = ending(status)
+        if self.is_stopping and status in (0, 1):
+            words = re.sub("^FAILED", "failed", self.status) or words
         if status < 0 and not self.is_ready:
             words = f"killed by {signal.Signals(-status).name} before its first tick; "
             words += "it had enabled no drive, and one that was enabled stops by its own watchdog"
@@ -123,11 +123,6 @@ class StartedRun:
                 "it was not waited for after its last tick; the drives were released before, its report may be missing"
             )
         return self._why + words
-
-    def _result(self) -> str:
-        """What it printed as its result; empty: nothing."""
-        results = [line.removeprefix(RESULT).strip() for line in self.lines() if line.startswith(RESULT)]
-        return re.sub("^FAILED", "failed", results[-1]) if results else ""
 
     def lines(self) -> list[str]:
         """Its last lines."""

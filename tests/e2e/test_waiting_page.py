@@ -172,6 +172,7 @@ def test_a_run_is_started_once_and_the_page_comes_back_with_its_end(folder: Path
 
 @pytest.mark.realtime
 @pytest.mark.exhaustive
+@pytest.mark.timeout(90)  # where the second page begins only after the run's end, it waits for ever
 def test_a_run_ends_in_order_with_the_page_that_started_it(folder: Path) -> None:
     port = free_port()
     with waiting(folder, port) as (page, browser):

@@ -59,6 +59,16 @@ def test_its_words_and_its_end(tmp_path: Path) -> None:
         assert (run.look(0.0), run.outcome) == (0, "done")
 
 
+@pytest.mark.parametrize(("result", "told"), [("FAILED: DRV-25", "failed: DRV-25"), ("done", "done")])
+def test_its_result_is_what_it_reports_after_its_last_tick_whatever_it_prints(
+    tmp_path: Path, result: str, told: str
+) -> None:
+    says = f"manager.tell('READY=1', 'STATUS=follow'); manager.tell('STOPPING=1'); manager.tell('STATUS={result}');"
+    with started(tmp_path, f"{TICKING}{says} print('result  of a plugin\\n' * 60)") as run:
+        until(run, lambda: run.look(0.0) is not None)
+        assert (run.look(0.0), run.outcome) == (0, told)
+
+
 def test_its_last_lines_are_kept_and_not_all_of_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(started_run, "MOST_OUTPUT", 5000)
     first = "from signal import *; pthread_sigmask(SIG_BLOCK, [SIGTERM]); print(*range(2000), sep='\\n', flush=True)"

@@ -31,6 +31,7 @@ function hear(message) {
     panels.clearLog();
     map.showAbout(message.about);
     panels.showAbout(message.about);
+    if (over) panels.forgetFaults(); // of the run before
     charts.begin(message.about);
     acts.showAbout(message.about);
     over = false;

@@ -15,7 +15,6 @@ export function showAbout(told) {
   $('robot').textContent = told.robot;
   $('mission').textContent = told.mission;
   $('simulated').hidden = !told.simulated;
-  seen.clear();
   document.title = `${told.mission || 'artemis'} · ${told.robot}`;
   const body = $('drives').querySelector('tbody');
   body.replaceChildren(...told.drives.map(drive => element('tr', {},
@@ -79,6 +78,7 @@ function showInputs(inputs) {
 const keyOf = fault => `${fault.id} ${fault.device}`;
 let known = new Set();
 const seen = new Set(); // which the tab was opened for: one that comes and goes does not take the view from the operator
+export const forgetFaults = () => { known = new Set(); seen.clear(); };
 export function showFaults(faults, past = false) {
   const panel = $('faults'), now = new Set(faults.map(keyOf));
   $('fault-count').textContent = faults.length;

@@ -66,6 +66,7 @@ function showLast(last) {
   $('last').hidden = !last;
   if (!last) return;
   $('last').dataset.well = last.status === 0 ? 'yes' : 'no';
+  $('last-run').hidden = $('past').hidden || last.status === 2; // what was refused left no run
   write('last-title', `${last.status === 0 ? '✓' : '✖'} ${last.mission || last.file}: ${last.outcome}`);
   write('last-how', `exit status ${last.status}, ${new Date(last.date).toLocaleString()}, started by ${last.who}`);
   showLines('last-lines', last.lines);
@@ -142,5 +143,5 @@ $('give').addEventListener('click', () => say({t: 'release'}));
 $('cancel').addEventListener('click', () => say({t: 'cancel'}));
 $('check').addEventListener('click', () => say({t: 'check'}));
 bindInvite();
-fetch('/runs/', {method: 'HEAD'}).then(answer => { $('past').hidden = $('last-run').hidden = !answer.ok; }, () => {});
+fetch('/runs/', {method: 'HEAD'}).then(answer => { $('past').hidden = !answer.ok; showLast(told?.last); }, () => {});
 connect();
