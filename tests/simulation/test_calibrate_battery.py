@@ -18,6 +18,7 @@ from artemis.vehicle import RobotFile
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 MISSION = """
 mission: battery
+tick_hz: 25
 robot: robots/artemis_battery.yaml
 bus: simulation
 steps:
@@ -25,7 +26,7 @@ steps:
   - repeat:
       times: 3
       steps:
-        - follow: {path: paths/circle.csv, follower: {plugin: frenet, speed_m_s: 0.5}, laps: 8}
+        - follow: {path: paths/circle.csv, follower: {plugin: frenet, speed_m_s: 0.5}, laps: 7}
         - wait: {seconds: 150}
 simulation:
   seed: 4
