@@ -180,6 +180,7 @@ class _Run:
 
         inputs = self._inputs(wake)
         live = {name for name, device in inputs.items() if is_live(device)}
+        self.attendance.awaited = bool(live)
         localizer = self._localizer(equipment.world, loop.time())
         if localizer is not None and equipment.world is not None and self.loaded.injector is not None:
             localizer = self.loaded.injector.failing_localizer(localizer)
@@ -205,8 +206,7 @@ class _Run:
         period = 1 / self.loaded.mission.tick_hz
         core = Core(structs.replace(self.plan, steps=steps), period)
         self.results = core.results
-        there = self.attendance.there
-        robot = self.parts.robot(core, equipment.devices, guard, period, observe, there, awaited=bool(live))
+        robot = self.parts.robot(core, equipment.devices, guard, period, observe, self.attendance.there)
         self._begin_faults(equipment, inputs, localizer, robot)
         stop_listening = self.attendance.begin(loop, robot.request)
         try:

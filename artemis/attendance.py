@@ -48,8 +48,8 @@ class Attendance:
         self._acts, self._operator = acts, operator
         self._until = max((act.at_s for act in acts), default=-inf) + OPERATOR_GRACE
         self._listeners: list[Typed] = []
-        self.hands = False
-        """Somebody was heard at a device that needs a person."""
+        self.awaited = self.hands = False
+        """Somebody may come to a device that needs a person; was heard there."""
         self.interrupted: int | None = None
         """The signal that ends the run: the first."""
         self._taken: list[signal.Signals] = []
@@ -65,9 +65,9 @@ class Attendance:
         """No signal has asked for the end."""
         return self.interrupted is None
 
-    def there(self, time: float) -> bool:
-        """Whether anybody is, at a run time [s]."""
-        return self._operator is not None or self.hands or time <= self._until
+    def there(self, time: float) -> tuple[bool, bool]:
+        """Whether anybody is there at a run time [s], and whether somebody may still come."""
+        return self._operator is not None or self.hands or time <= self._until, self.awaited
 
     def hear(self, listener: Typed) -> bool:
         """Have an input device hear what is typed at the terminal; whether there is one."""

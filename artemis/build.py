@@ -2,16 +2,29 @@
 
 from __future__ import annotations
 
+import json
 import platform
+import sys
 from functools import cache
 from importlib import metadata
 from importlib.util import find_spec
+from shlex import quote
+from urllib.parse import unquote, urlsplit
 
 
 @cache
 def version(package: str) -> str:
     """Of an installed package: as long as a process runs it is the same."""
     return metadata.version(package)
+
+
+def install(extra: str) -> str:
+    """The command that adds an extra to this artemis, from where it was installed (PEP 610, `direct_url.json`)."""
+    origin = json.loads(metadata.distribution("artemis-robot").read_text("direct_url.json") or "{}")
+    url = urlsplit(origin.get("url", ""))
+    place = unquote(url.path) if url.scheme == "file" else "artemis-robot"
+    editable = "--editable " * bool(origin.get("dir_info", {}).get("editable"))
+    return f"{quote(sys.executable)} -m pip install {editable}{quote(f'{place}[{extra}]')}"
 
 
 def kind_of_build() -> str:

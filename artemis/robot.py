@@ -81,19 +81,14 @@ class Robot:
         guard: PluginGuard,
         period: float,
         observe: Callable[[Tick], None],
-        attended: Callable[[float], bool] = lambda time: False,
-        *,
-        awaited: bool = False,
+        attended: Callable[[float], tuple[bool, bool]] = lambda time: (False, False),
     ) -> None:
-        """`observe` sees every tick; `attended` tells whether somebody can acknowledge and arm at a run time [s].
-
-        `awaited`: the mission has devices at which somebody may still come who can.
-        """
+        """`observe` sees every tick; `attended`: at a run time [s], what `Sensed.attended` and `awaited` are."""
         self._core, self._devices, self._guard, self._period, self._observe = core, devices, guard, period, observe
         self._requests, self._answers = list[Request](), list[Answer]()
         self._results, self._faults = list[JobResult](), list[Fault]()
         self._index, self._start, self._late, self._sent = 0, 0.0, 0.0, 0.0
-        self._ticking, self._attended, self._awaited = False, attended, awaited
+        self._ticking, self._attended = False, attended
         self._failure: BaseException | None = None
 
     def tick(self, now: float, urgent: bool = False) -> Tick:
@@ -148,14 +143,14 @@ class Robot:
         inputs, fixes = self._guard.read(now - self._start), self._guard.fixes(now - self._start)
         self._faults += [catalogue.fault(*problem) for problem in self._guard.take_problems()]
         self._requests += [request for sample in inputs for request in sample.requests]
-        self._index += 1
+        self._index, (attended, awaited) = self._index + 1, self._attended(now - self._start)
         sensed = Sensed(
             index=self._index - 1,
             time=now - self._start,
             late=0.0 if urgent else self._late,
             sent=self._sent,
-            attended=self._attended(now - self._start),
-            awaited=self._awaited,
+            attended=attended,
+            awaited=awaited,
             drives=readings.drives,
             bus=readings.bus,
             inputs=inputs,
@@ -166,13 +161,11 @@ class Robot:
             scans=readings.scans,
             battery_v=readings.battery_v,
         )
-        if urgent:  # one call with more than 15 keywords is slow
-            sensed = replace(sensed, urgent=True)
-        if self._answers or any([sample.answers for sample in inputs]):
+        if urgent or self._answers or any([sample.answers for sample in inputs]):  # more than 15 keywords are slow
             texts = [it for it in self._answers if isinstance(it, str)]
             typed = [it for it in self._answers if isinstance(it, TypedAnswer)]
             texts += [answer for sample in inputs for answer in sample.answers]
-            sensed = replace(sensed, answers=tuple(texts), typed=tuple(typed))
+            sensed = replace(sensed, urgent=urgent, answers=tuple(texts), typed=tuple(typed))
         for taken in (self._requests, self._answers, self._results, self._faults):
             taken.clear()
         return sensed

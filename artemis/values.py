@@ -379,8 +379,7 @@ class Wish(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     over: bool = False  # all of it is done
     outcome: str = ""  # how the step ended, if it did not end as `over` says
     acted: tuple[Acted, ...] = ()  # what behaviours told: that of the current step, and those beside it
-    failed: bool = False
-    """What the run was to do will not be done, or it cannot end in order."""
+    failed: bool = False  # what the run was to do will not be done, or it cannot end in order
     finished: bool = False  # the ordered end is complete; the run may stop ticking
 
 

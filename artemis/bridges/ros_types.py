@@ -8,11 +8,12 @@ from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 from typing import Any
 
+from artemis.build import install
 from artemis.errors import ConfigError
 
 TRIGGER_MD5 = "937c9679a518e3a18d831e57125ea522"
 """Of the service std_srvs/Trigger (`rossrv md5 std_srvs/Trigger`)."""
-INSTALL = {"ros1": "pip install 'artemis-robot[ros]'", "ros2": "pip install 'artemis-robot[ros2]'"}
+EXTRAS = {"ros1": "ros", "ros2": "ros2"}
 """By the name of the plugin."""
 STORES = {
     "humble": "ROS2_HUMBLE",
@@ -50,7 +51,7 @@ def require_packages(name: str, plugin: str, *packages: str) -> None:
     """
     for package in packages:
         if find_spec(package) is None:
-            raise ConfigError(f"{name}: plugin: {plugin} needs the package {package}: {INSTALL[plugin]}")
+            raise ConfigError(f"{name}: plugin: {plugin} needs the package {package}: {install(EXTRAS[plugin])}")
 
 
 def ros1_name(type: str) -> str:

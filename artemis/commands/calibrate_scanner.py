@@ -11,7 +11,7 @@ from artemis.calibration.scanner_fit import MountingFit, fit_mounting
 from artemis.commands.map_readings import scanner_of
 from artemis.commands.written_values import check_yes, write_values
 from artemis.errors import ConfigError
-from artemis.mapping.kernels import COMPILED, NOTICE
+from artemis.mapping.kernels import COMPILED, notice
 from artemis.mission.loading import load_model
 from artemis.mounting import Mounting
 from artemis.recording.mcap_reader import Recording
@@ -43,7 +43,7 @@ def calibrate_scanner(run: Path, scanner: str | None, robot_file: Path | None, *
     if robot_file is not None and load_model(robot_file, RobotFile).scanners.get(name) != old:
         raise ConfigError(f"{robot_file}: its scanner {name!r} differs from that of the run; drive again")
     if not COMPILED:
-        sys.stderr.write(f"{NOTICE}\n")
+        sys.stderr.write(f"{notice()}\n")
     drive = scanner_drive(recording.ticks(), recording.robot, name)
     found = fit_mounting(drive.odometry, drive.scanner)
     wanted = changes(name, old, drive, found)

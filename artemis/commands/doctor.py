@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from packaging.requirements import Requirement
 
 from artemis import clock
-from artemis.build import described
+from artemis.build import described, install
 from artemis.commands.doctor_page import page_findings, priority
 from artemis.commands.findings import FAILURE, NOTE, OK, WARNING, Finding
 from artemis.errors import ConfigError, DeviceLost
@@ -106,7 +106,7 @@ def _software(everything: bool) -> Iterator[Finding]:
             elif extra not in missing:
                 missing.add(extra)
                 costs = f": {'; '.join(SLOWER)}" if extra == "slam" else ""
-                yield Finding(NOTE, f"extra {extra} is not installed{costs}", f"pip install 'artemis-robot[{extra}]'")
+                yield Finding(NOTE, f"extra {extra} is not installed{costs}", install(extra))
             continue
         if not need.specifier.contains(found, prereleases=True):
             grade = FAILURE if extra is None else WARNING
@@ -246,7 +246,7 @@ def _inputs() -> Iterator[Finding]:
 def event_inputs(nodes: Iterable[EventNode]) -> Iterator[Finding]:
     """Of event nodes: those that somebody may drive with and hidraw does not show, and the motors of all that may."""
     from artemis.devices.evdev.nodes import udev_rule
-    from artemis.devices.evdev.port import INSTALL, is_installed
+    from artemis.devices.evdev.port import is_installed
 
     for node in nodes:
         if not node.drives:
@@ -254,7 +254,7 @@ def event_inputs(nodes: Iterable[EventNode]) -> Iterator[Finding]:
         rule = f"write {udev_rule(node.info)}"
         permitted = os.access(node.info.path, os.R_OK | os.W_OK)
         if not node.hidraw and not is_installed():
-            yield Finding(NOTE, f"{node.info}: is read by the extra evdev, which is missing", INSTALL)
+            yield Finding(NOTE, f"{node.info}: is read by the extra evdev, which is missing", install("evdev"))
         if not node.hidraw and not permitted:
             yield Finding(NOTE, f"{node.info}: this user may not open it", f"if it is to drive: {rule}")
         elif (node.forces or node.lamps) and not permitted:

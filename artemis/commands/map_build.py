@@ -18,7 +18,7 @@ from artemis.localisation.scan_localizer import LocalizerSettings, ScanLocalizer
 from artemis.localisation.scan_map import ScanMap
 from artemis.mapping.carmen import read_carmen
 from artemis.mapping.graph_file import SUFFIX, read_graph
-from artemis.mapping.kernels import COMPILED, NOTICE
+from artemis.mapping.kernels import COMPILED, notice
 from artemis.mapping.laser import Reading
 from artemis.mapping.mapper import Mapper
 from artemis.mapping.occupancy import occupancy
@@ -56,7 +56,7 @@ def build_map(sources: Sources, output: Path, resolution: float, *, force: bool)
     if not 0.005 <= resolution <= 1:
         raise ConfigError(f"--resolution {resolution:g}: expected 0.005 to 1 m")
     if not COMPILED:
-        sys.stderr.write(f"{NOTICE}\n")
+        sys.stderr.write(f"{notice()}\n")
     settings, mapper = MapSettings(), Mapper()
     with Progress(disable=not sys.stdout.isatty()) as progress:
         bar = progress.add_task("scans", total=None)

@@ -12,6 +12,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from artemis.build import install
 from artemis.errors import ConfigError
 from artemis.mission.loading import LoadedMission, plugin_from
 from artemis.mission.page import PAGE
@@ -90,9 +91,7 @@ def announce(config: PageObserverConfig | None) -> None:
     try:
         import segno
     except ImportError:
-        from artemis.page.observer import INSTALL
-
-        raise ConfigError(f"the page needs the package segno: {INSTALL}") from None
+        raise ConfigError(f"the page needs the package segno: {install('web')}") from None
     code, url = new_code(read_key(key_place())), url_of(config)
     address = f"{url}/pair#{code}"
     sys.stdout.write(f"page          {address}\n")

@@ -9,12 +9,12 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Protocol
 
+from artemis.build import install
 from artemis.errors import DeviceLost
 
 BAUD_RATES = (9600, 14400, 19200, 38400, 57600, 115200)
 """Rates of an EPOS [bit/s] (object 0x2002, EPOS firmware specification 2010, 14.34)."""
 
-INSTALL = "pip install 'artemis-robot[serial]'"
 
 _MOST = 4096
 """Bytes that are read at once."""
@@ -77,7 +77,7 @@ class TtyPort:
         try:
             import serial
         except ImportError as error:
-            raise DeviceLost(self.name, f"needs pyserial ({error}): {INSTALL}") from None
+            raise DeviceLost(self.name, f"needs pyserial ({error}): {install('serial')}") from None
         self._loop = asyncio.get_running_loop()
         self._arrived = bytearray()
         self._problem: str | None = None

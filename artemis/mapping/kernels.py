@@ -8,13 +8,17 @@ from __future__ import annotations
 from importlib import import_module
 from types import ModuleType
 
+from artemis.build import install
+
 _NUMPY = "artemis.mapping.kernels_numpy"
 
 LOOPS: ModuleType
 COMPILED: bool
 
-NOTICE = "numba is not installed: mapping takes five times as long; pip install 'artemis-robot[slam]'"
-"""For people, where `COMPILED` is false."""
+
+def notice() -> str:
+    """For people, where `COMPILED` is false."""
+    return f"numba is not installed: mapping takes five times as long; {install('slam')}"
 
 
 def __getattr__(name: str) -> object:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
+from artemis.build import install
+
 if TYPE_CHECKING:
     from artemis.mission.loading import LoadedMission
 
-INSTALL_NUMBA = "pip install 'artemis-robot[slam]'"
 MAPPING = "mapping takes five times as long"
 MATCHING = "matching a scan on a map, and searching the map, take five times as long"
 ROUTES = "planning a route takes two to seven times as long"
@@ -26,4 +27,4 @@ def slower_without_numba(loaded: LoadedMission) -> list[str]:
     costs = [MAPPING] if mission.mapping is not None else []
     costs += [MATCHING] if any(use is not None and use.plugin == SCAN_MAP for use in localizers) else []
     costs += [ROUTES] if loaded.destinations else []
-    return [f"numba is not installed: {'; '.join(costs)}: {INSTALL_NUMBA}"] if costs else []
+    return [f"numba is not installed: {'; '.join(costs)}: {install('slam')}"] if costs else []

@@ -19,6 +19,7 @@ from artemis.bridges.complaints import Complaints
 from artemis.bridges.loop_thread import LoopThread
 from artemis.bridges.operator.server import tls_context
 from artemis.bridges.places import TakenPlace, port_place
+from artemis.build import install
 from artemis.clock import stopwatch
 from artemis.config import Config
 from artemis.devices.can_bus import Traffic
@@ -29,7 +30,6 @@ from artemis.page.zones import ZoneFiles
 from artemis.plugins.contracts import PluginContext
 from artemis.values import Tick
 
-INSTALL = "pip install 'artemis-robot[web]'"
 PORT = 8480
 """In no list of well-known ports."""
 STATES_EVERY = 0.05
@@ -88,7 +88,7 @@ def check_installed(what: str) -> None:
     """Nothing, where the extra is installed that `what` needs. Raises ConfigError."""
     for package in ("starlette", "uvicorn", "websockets", "segno"):
         if find_spec(package) is None:
-            raise ConfigError(f"{what} needs the package {package}: {INSTALL}")
+            raise ConfigError(f"{what} needs the package {package}: {install('web')}")
 
 
 def files_of_tls(config: PageObserverConfig, folder: Path, name: str) -> tuple[Path, Path] | None:

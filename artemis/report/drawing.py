@@ -2,12 +2,11 @@
 
 from importlib.util import find_spec
 
+from artemis.build import install
 from artemis.errors import ConfigError
-
-INSTALL = "pip install 'artemis-robot[figures]'"
 
 
 def check_figures(what: str) -> None:
     """Nothing, where `what` can draw figures. Raises ConfigError."""
     if find_spec("matplotlib") is None:
-        raise ConfigError(f"{what} draws figures, and needs the package matplotlib: {INSTALL}")
+        raise ConfigError(f"{what} draws figures, and needs the package matplotlib: {install('figures')}")

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any, TypeVar, cast
 
+from artemis.build import install
+
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 try:
@@ -19,5 +21,7 @@ except ImportError:  # the extra `slam` is not installed
 
     COMPILED = False
 
-NOTICE = "numba is not installed: planning a route takes two to seven times as long; pip install 'artemis-robot[slam]'"
-"""For people, where `COMPILED` is false."""
+
+def notice() -> str:
+    """For people, where `COMPILED` is false."""
+    return f"numba is not installed: planning a route takes two to seven times as long; {install('slam')}"

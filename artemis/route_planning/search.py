@@ -176,9 +176,8 @@ def search(
         (n, 4); `FOUND` or why not; how many poses were expanded.
     """
     columns, ahead, stack, word = clear.shape[1], box[1] + box[2], np.empty((64, 4)), np.zeros(6)
-    prices = np.array([BACK, CUSP / radius, SHORTEST / radius])
-    if sense < 0.0:
-        prices[0], prices[1] = 1.0 / BACK, prices[1] / BACK
+    back = BACK if sense > 0.0 else 1.0 / BACK
+    prices = np.array([back, CUSP / radius * min(back, 1.0), SHORTEST / radius])
     room, size = 6 * most + 16, 2 ** int(math.log2(12 * most + 32) + 1.0)
     poses, spent, driven = np.empty((room, 3)), np.empty(room), np.empty(room)
     steered, direction, parent = np.empty(room), np.empty(room, np.int8), np.empty(room, np.int64)
@@ -192,8 +191,7 @@ def search(
         place = _slot(keys, _key(x, y, heading, columns))
         if keys[place] != -1 and spent[number] > best[place] + 1e-4:
             continue
-        expanded += 1
-        left = _left(to_go, x, y, heading, ahead, resolution)
+        expanded, left = expanded + 1, _left(to_go, x, y, heading, ahead, resolution)
         if left < NEAR or expanded % max(1, int(left * left)) == 0:
             c, s, dx, dy = math.cos(heading), math.sin(heading), goal[0] - x, goal[1] - y
             turn = wrapped(goal[2] - heading)
@@ -201,9 +199,7 @@ def search(
             midway = box if left < NEAR else wide
             if _joins(poses[number], driven[number], backed[number], behind[number], (clear, begun, known), goal, box,
                       first_box, midway, bare, radius, resolution, word, stack, sense):  # fmt: skip
-                route = _route(poses, steered, direction, parent, number, word, radius)
-                if sense < 0.0:
-                    route = _turned_round(route)
+                route = _route(poses, steered, direction, parent, number, word, radius, sense)
                 if sense > 0.0 or is_known(route, known, resolution, bare):
                     return route, FOUND, expanded
         count = _expand(number, count, nodes, (keys, best), heap, (clear, begun, cost, to_go, known), box, first_box,
@@ -331,9 +327,9 @@ def _joins(
 @compiled
 def _route(
     poses: Array, steered: Array, direction: NDArray[np.int8], parent: NDArray[np.int64], last: int, shot: Array,
-    radius: float,
+    radius: float, sense: float,
 ) -> Array:  # fmt: skip
-    """The points from the first pose to the last one, and of the word from there."""
+    """The points from the first pose to the last one, and of the word from there, in the order they are driven in."""
     order = np.empty(len(parent), np.int64)
     count, number = 0, last
     while number >= 0:
@@ -349,7 +345,7 @@ def _route(
         made = _add(route, made, shot[piece] * radius, shot[3 + piece] / radius)
     if made > 1:
         route[0, 3] = route[1, 3]
-    return route[:made].copy()
+    return route[:made].copy() if sense > 0.0 else _turned_round(route[:made])
 
 
 @compiled

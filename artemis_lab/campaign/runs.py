@@ -19,6 +19,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from artemis.build import install
 from artemis.config import Config
 from artemis.errors import ConfigError
 from artemis.mission.actions import FileName
@@ -200,7 +201,7 @@ def _executor(words: CampaignWords) -> Iterator[tuple[Executor, int]]:
     try:
         from distributed import Client
     except ImportError:
-        raise ConfigError("cluster: needs the extra `cluster`: pip install 'artemis-robot[cluster]'") from None
+        raise ConfigError(f"cluster: needs the extra `cluster`: {install('cluster')}") from None
     try:
         client = Client(words.cluster, timeout=10)
     except OSError as error:

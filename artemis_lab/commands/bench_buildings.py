@@ -19,7 +19,7 @@ def measure(number: int, first: int) -> int:
         first: seed of the first one.
     """
     if not kernels.COMPILED:
-        sys.stderr.write(f"{kernels.NOTICE}\n")
+        sys.stderr.write(f"{kernels.notice()}\n")
     rows, good = [], True
     for seed in range(first, first + number):
         made = mapped(seed)

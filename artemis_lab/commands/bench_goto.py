@@ -23,7 +23,7 @@ MEDIAN_MS, MOST_MS = 50, 200
 def measure(goals: int, seed: int, workers: int, *, blind: bool) -> bool:
     """Drive to the goals, print the table and what went wrong; returns whether all bars hold."""
     if not kernels.COMPILED:
-        sys.stderr.write(f"{kernels.NOTICE}\n")
+        sys.stderr.write(f"{kernels.notice()}\n")
     legs: list[GoalDrive] = []
     with Progress(disable=not sys.stdout.isatty()) as progress:
         bar = progress.add_task("goals", total=goals)

@@ -30,7 +30,7 @@ def measure(mission: Path, minutes: float, starts: int, seed: int) -> bool:
         ConfigError: the mission has errors, or is not of this kind.
     """
     if not kernels.COMPILED:
-        sys.stderr.write(f"{kernels.NOTICE}\n")
+        sys.stderr.write(f"{kernels.notice()}\n")
     with tempfile.TemporaryDirectory(prefix="artemis-bench-") as scratch:
         copy = copied(mission, Path(scratch) / "mission")
         found = [begun(copy, place) for place in places(copy, starts, seed)]

@@ -46,7 +46,7 @@ def main(plans: int) -> None:
     """Print a line for each kind of floor."""
     robot = load_model(ROBOT, RobotFile)
     if not kernels.COMPILED:
-        print(kernels.NOTICE)
+        print(kernels.notice())
     begun = cpu_time()
     warm_up(robot)
     print(f"first plan, with loading or compiling: {cpu_time() - begun:.1f} s")

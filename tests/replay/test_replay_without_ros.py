@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import sys
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from rig import CALIBRATE, MISSIONS, TELEOP, Rig, write_mission
 pytest.importorskip("rosbags", reason="needs the extra ros: pip install 'artemis-robot[ros]'")
 
 from artemis.bridges.ros_types import Ros1Types
+from artemis.build import install
 from artemis.commands.replay import replay_run
 from artemis.errors import ConfigError
 from artemis.mission.loading import load_model
@@ -62,6 +64,6 @@ def test_commands_are_replayed_without_the_packages_of_ros(tmp_path: Path, monke
     assert ran.outcome is not None
     for name in [name for name in sys.modules if name.partition(".")[0] == "rosbags"] or ["rosbags"]:
         monkeypatch.setitem(sys.modules, name, None)
-    with pytest.raises(ConfigError, match=r"needs the package rosbags: pip install 'artemis-robot\[ros\]'"):
+    with pytest.raises(ConfigError, match=f"needs the package rosbags: {re.escape(install('ros'))}"):
         Ros1Input(Ros1InputConfig(), context)
     assert replay_run(ran.outcome.run.path) == 0

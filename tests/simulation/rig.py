@@ -387,9 +387,9 @@ class Rig:
         self.bus.loop.call_later(self._longest, self._give_up)
         return self.bus, self.world
 
-    def _make_robot(self, core: Core, *parts: Any, **more: Any) -> Robot:  # noqa: ANN401 (those of a robot)
+    def _make_robot(self, core: Core, *parts: Any) -> Robot:  # noqa: ANN401 (those of a robot)
         self._results = core.results
-        self.robot = Robot(core, *parts, **more)
+        self.robot = Robot(core, *parts)
         return self.robot
 
     def _watch(self, tick: Tick, traffic: Traffic) -> None:

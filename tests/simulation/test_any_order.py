@@ -76,7 +76,7 @@ class AnyOrder(RuleBasedStateMachine):
         self.bus = FaultBus(self.wire, seed=seed)
         guard = PluginGuard({"stick": stick}, self.loop.time)
         drives = Drives(ROBOT, self.bus)
-        self.robot = Robot(Core(plan, PERIOD), drives, guard, PERIOD, self.observe, lambda time: True)
+        self.robot = Robot(Core(plan, PERIOD), drives, guard, PERIOD, self.observe, lambda time: (True, False))
         self.stage = Stage(
             robot=ROBOT, world=self.world, bus=self.bus, loop=self.loop, inputs={"stick": stick}, request=self.ask
         )

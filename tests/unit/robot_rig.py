@@ -73,7 +73,7 @@ class Rig:
         self.inputs = {name: StubInput(answer) for name, answer in inputs.items()}
         self.observe: Callable[[Tick], None] = lambda tick: None
         self.sensors: list[Device] = []
-        self.attended: Callable[[float], bool] = lambda time: False
+        self.attended: Callable[[float], tuple[bool, bool]] = lambda time: (False, False)
         self.acts: list[tuple[float, Callable[[], None]]] = []
         self.begins = 0.0
         """The loop's time [s] when the run begins."""

@@ -15,7 +15,7 @@ from artemis.values import Severity
 def test_scripted_operator_is_there_until_a_little_after_its_last_act(scripted: bool, at_terminal: bool) -> None:
     acts = [Operation(at_s=20.0, do="arm"), Operation(at_s=1.0, do="acknowledge")] if scripted else []
     attendance = Attendance(acts, (lambda request, typed: lambda: None) if at_terminal else None)
-    there = [time for time in (0.0, 10.0, 25.0, 25.1, 1000.0) if attendance.there(time)]
+    there = [time for time in (0.0, 10.0, 25.0, 25.1, 1000.0) if attendance.there(time)[0]]
     assert there == ([0.0, 10.0, 25.0, 25.1, 1000.0] if at_terminal else [0.0, 10.0, 25.0] if scripted else [])
     assert attendance.expected is (scripted or at_terminal)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -35,6 +37,30 @@ def test_build_is_known_by_the_file_of_a_module_that_would_be_compiled(
 
     monkeypatch.setattr(build, "find_spec", find)
     assert build.kind_of_build() == kind
+
+
+@pytest.mark.parametrize(
+    ("origin", "what"),
+    [
+        ('{"url": "file:///srv/artemis", "dir_info": {"editable": true}}', "--editable '/srv/artemis[web]'"),
+        ('{"url": "file:///srv/my%20artemis", "dir_info": {}}', "'/srv/my artemis[web]'"),
+        (
+            '{"url": "file:///tmp/artemis_robot-0.1.0-py3-none-any.whl"}',
+            "'/tmp/artemis_robot-0.1.0-py3-none-any.whl[web]'",
+        ),
+        (None, "'artemis-robot[web]'"),
+    ],
+)
+def test_an_extra_is_installed_from_where_artemis_came(
+    origin: str | None, what: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Distribution:
+        def read_text(self, name: str) -> str | None:
+            return origin if name == "direct_url.json" else None
+
+    monkeypatch.setattr(metadata, "distribution", lambda name: Distribution())
+    monkeypatch.setattr(sys, "executable", "/srv/artemis/.venv/bin/python")
+    assert build.install("web") == f"/srv/artemis/.venv/bin/python -m pip install {what}"
 
 
 def test_modules_that_are_compiled_exist() -> None:

@@ -87,9 +87,9 @@ def test_times_are_those_of_the_run_whenever_it_begins() -> None:
     rig = Rig(stick=read)
     attended: list[float] = []
 
-    def there(time: float) -> bool:
+    def there(time: float) -> tuple[bool, bool]:
         attended.append(round(time, 6))
-        return True
+        return True, False
 
     rig.attended = there
     rig.begins, rig.localizer = 1.5, (localizer := AskedLocalizer())
@@ -108,7 +108,8 @@ def test_nobody_attends_a_robot_of_which_nothing_else_is_said() -> None:
         robot = Robot(core, Drives(ROBOT, FakeBus()), PluginGuard({}, lambda: 0.0), PERIOD, lambda tick: None)
         return robot.tick(0.0)
 
-    assert not run(main(), simulated=True).snapshot.sensed.attended
+    sensed = run(main(), simulated=True).snapshot.sensed
+    assert (sensed.attended, sensed.awaited) == (False, False)
 
 
 def test_bus_that_is_found_lost_between_ticks_makes_an_extra_tick_that_says_why() -> None:

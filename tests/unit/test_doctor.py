@@ -11,6 +11,7 @@ import pytest
 from evdev_devices import EventDevice, FakeEvdev
 
 from artemis import clock
+from artemis.build import install
 from artemis.commands import doctor
 from artemis.commands.doctor import can_links, examine
 from artemis.commands.findings import FAILURE, NOTE, OK, WARNING, Finding, Grade
@@ -122,7 +123,7 @@ def test_a_missing_package_is_a_failure_and_a_missing_extra_a_note(monkeypatch: 
     monkeypatch.setattr(doctor, "requires", lambda name: needs)
     found = {each.what.split()[0]: each for each in doctor._software(everything=False)}
     assert found["not-there-at-all"].grade is FAILURE
-    assert (found["extra"].grade, found["extra"].remedy) == (NOTE, "pip install 'artemis-robot[ros]'")
+    assert (found["extra"].grade, found["extra"].remedy) == (NOTE, install("ros"))
     assert found["numpy"].grade is FAILURE
     assert len(found) == 4  # and artemis itself
 
@@ -140,7 +141,7 @@ def test_what_takes_longer_without_the_extra_slam_is_named(monkeypatch: pytest.M
     assert found.grade is NOTE
     assert found.what.startswith("extra slam is not installed: mapping takes ")
     assert "planning a route" in found.what
-    assert found.remedy == "pip install 'artemis-robot[slam]'"
+    assert found.remedy == install("slam")
 
 
 def test_a_full_disk_is_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -208,7 +209,7 @@ def test_a_pad_of_evdev_without_the_extra_and_without_permission(
     assert extra == (
         NOTE,
         f"{PAD}: is read by the extra evdev, which is missing",
-        "pip install 'artemis-robot[evdev]'",
+        install("evdev"),
     )
     assert permission[:2] == (NOTE, f"{PAD}: this user may not open it")
     assert permission[2].startswith('if it is to drive: write KERNEL=="event*", ATTRS{id/vendor}=="045e"')

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import builtins
 import math
+import re
 from collections.abc import Callable, Iterator
 from hashlib import sha256
 from pathlib import Path
@@ -14,6 +15,7 @@ from lesson_person import LessonPerson
 from pad import MISSIONS, ROBOT, TICK
 
 from artemis import clock
+from artemis.build import install
 from artemis.commands.calibrate_input import teach
 from artemis.devices.evdev.layout import ABS, KEY, Reports, capabilities, evdev_layout
 from artemis.devices.evdev.nodes import event_nodes, hidden_controls, motors_of
@@ -293,7 +295,7 @@ def test_without_the_extra_the_device_is_named_with_the_line_that_installs_it(
     monkeypatch.setattr(builtins, "__import__", without_evdev)
     port = Evdev(tmp_path)
     (info,) = port.enumerate()
-    with pytest.raises(DeviceLost, match=r"X-Box 360 pad .*missing.*pip install 'artemis-robot\[evdev\]'"):
+    with pytest.raises(DeviceLost, match=rf"X-Box 360 pad .*missing.*{re.escape(install('evdev'))}"):
         port.open(info)
 
 

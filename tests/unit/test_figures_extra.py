@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from artemis.build import install
 from artemis.commands.calibrate_gains import Wanted, calibrate_gains
 from artemis.commands.calibrate_odometry import calibrate_closing, calibrate_with_truth
 from artemis.commands.gains_auto import calibrate_auto
@@ -48,9 +49,7 @@ def test_a_command_that_draws_says_what_to_install_and_does_nothing(
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(ConfigError) as refused:
         command(tmp_path)
-    assert str(refused.value) == (
-        f"{what} draws figures, and needs the package matplotlib: pip install 'artemis-robot[figures]'"
-    )
+    assert str(refused.value) == f"{what} draws figures, and needs the package matplotlib: {install('figures')}"
     assert capsys.readouterr().out == ""
     assert list(tmp_path.iterdir()) == []
 

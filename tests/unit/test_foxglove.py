@@ -6,6 +6,7 @@ The protocol is that of github.com/foxglove/ws-protocol, docs/spec.md.
 from __future__ import annotations
 
 import json
+import re
 import struct
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
@@ -15,6 +16,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
+from artemis.build import install
 from artemis_lab.bench.ports import free_port
 
 pytest.importorskip("foxglove", reason="needs the extra foxglove: pip install 'artemis-robot[foxglove]'")
@@ -167,6 +169,6 @@ def test_a_port_in_use_is_refused_before_the_run_and_not_when_a_mission_is_check
 def test_without_its_extra_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(foxglove, "find_spec", lambda name: None)
     with pytest.raises(
-        ConfigError, match=r"fox: plugin: foxglove needs the package foxglove: pip install 'artemis-robot\[fox"
+        ConfigError, match=f"fox: plugin: foxglove needs the package foxglove: {re.escape(install('foxglove'))}"
     ):
         FoxgloveObserver(FoxgloveObserverConfig(), PluginContext(name="fox", robot=ROBOT, folder=tmp_path))

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from artemis.build import install
 from artemis.cli import app
 from artemis.commands.check import facts_of
 from artemis.commands.run import _forewarn
@@ -36,7 +37,7 @@ def numba(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> No
 @pytest.mark.usefixtures("numba")
 def test_only_what_a_mission_uses_is_named(mission: str, costs: tuple[str, ...]) -> None:
     remarks = extras.slower_without_numba(load_mission(MISSIONS / f"{mission}.yaml"))
-    assert remarks == ([f"numba is not installed: {'; '.join(costs)}: {extras.INSTALL_NUMBA}"] if costs else [])
+    assert remarks == ([f"numba is not installed: {'; '.join(costs)}: {install('slam')}"] if costs else [])
 
 
 @pytest.mark.parametrize("numba", [True, False], indirect=True, ids=["with numba", "without"])

@@ -102,9 +102,10 @@ def test_ticks_that_were_missed_are_not_made_up_for() -> None:
 
 def test_whether_somebody_is_there_is_asked_at_each_tick_with_the_run_time() -> None:
     rig = Rig()
-    rig.attended = lambda time: time < 0.05
+    rig.attended = lambda time: (time < 0.05, True)
     rig.run(0.1)
     assert [sensed.attended for sensed in rig.core.seen] == [True] * 3 + [False] * 3
+    assert all(sensed.awaited for sensed in rig.core.seen)
 
 
 # ---------------------------------------------------------------------------------------------- what is handed in

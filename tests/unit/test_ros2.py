@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import math
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -30,6 +31,7 @@ from artemis.bridges.ros2 import dds, process
 from artemis.bridges.ros2.parts import MESSAGE, READER, NodeState
 from artemis.bridges.ros2.settings import MOST_DOMAIN, check_ros2_name, unicast_ports
 from artemis.bridges.ros_types import STORES, Ros2Types
+from artemis.build import install
 from artemis.clock import stopwatch
 from artemis.errors import ConfigError, DeviceLost
 from artemis.mission.loading import load_mission, load_model
@@ -214,7 +216,7 @@ def test_without_its_extra_the_plugins_say_what_installs_it(monkeypatch: pytest.
     from artemis.bridges import ros_types
 
     monkeypatch.setattr(ros_types, "find_spec", lambda package: None if package == "cyclonedds" else object())
-    context, wanted = PluginContext(name="dds", robot=ROBOT, folder=Path()), r"pip install 'artemis-robot\[ros2\]'"
+    context, wanted = PluginContext(name="dds", robot=ROBOT, folder=Path()), re.escape(install("ros2"))
     with pytest.raises(ConfigError, match=f"dds: plugin: ros2 needs the package cyclonedds: {wanted}"):
         Ros2Observer(Ros2ObserverConfig(), context)
     with pytest.raises(ConfigError, match=wanted):

@@ -13,7 +13,8 @@ from artemis.bridges.background import BackgroundTasks
 from artemis.bridges.json_messages import JsonMessages
 from artemis.bridges.loop_thread import END_TIME, LoopThread
 from artemis.bridges.rosbridge.session import QUEUE, ClientSession, Offer
-from artemis.bridges.rosbridge.settings import INSTALL, ServerConfig
+from artemis.bridges.rosbridge.settings import ServerConfig
+from artemis.build import install
 from artemis.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ def require_websockets(name: str) -> None:
         ConfigError: it is not; how to install it. `name` of the plugin in the mission.
     """
     if find_spec("websockets") is None:
-        raise ConfigError(f"{name}: plugin: rosbridge needs the package websockets: {INSTALL}")
+        raise ConfigError(f"{name}: plugin: rosbridge needs the package websockets: {install('web')}")
 
 
 class RosbridgeServer(LoopThread):

@@ -14,7 +14,6 @@ from artemis.config import Config
 
 INPUT_PORT = 9091
 """Of an input, if the mission has none."""
-INSTALL = "pip install 'artemis-robot[web]'"
 
 
 def check_origin(origin: str) -> str:

@@ -11,12 +11,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Protocol
 
+from artemis.build import install
 from artemis.devices.evdev.layout import ABS, KEY, InputEvent, Reports, capabilities
 from artemis.devices.evdev.nodes import SYSFS, hidden_controls, opening
 from artemis.devices.hid.port import HidInfo
 from artemis.errors import DeviceLost
 
-INSTALL = "pip install 'artemis-robot[evdev]'"
 _KEY_BYTES = 0x300 // 8
 _GET_KEYS, _GET_ABS, _ABS_INFO = 0x80004518 | _KEY_BYTES << 16, 0x80184540, "@6i"
 """EVIOCGKEY, EVIOCGABS of axis 0 (linux/input.h); value, minimum, maximum, fuzz, flat, resolution."""
@@ -63,7 +63,9 @@ class Evdev:
             with opening(info):
                 return _EvdevHandle(name, (self._open_node or _InputDevice)(info.path))
         except ImportError as error:
-            raise DeviceLost(name, f"is read by the extra evdev, which is missing ({error}): {INSTALL}") from error
+            raise DeviceLost(
+                name, f"is read by the extra evdev, which is missing ({error}): {install('evdev')}"
+            ) from error
 
 
 def is_installed() -> bool:

@@ -16,6 +16,7 @@ from artemis.bridges.places import TakenPlace, port_place
 from artemis.bridges.ros_types import Ros2Types
 from artemis.bridges.stamps import Stamps
 from artemis.bridges.topics import Topics
+from artemis.build import install
 from artemis.config import Config
 from artemis.devices.can_bus import Traffic
 from artemis.errors import ConfigError
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from foxglove import Channel, Context
     from foxglove.websocket import ChannelView, Client
 
-INSTALL = "pip install 'artemis-robot[foxglove]'"
 PORT = 8765
 TYPES = "humble"
 """Whose types; those that are told are the same in every distribution of ROS 2."""
@@ -67,7 +67,9 @@ class FoxgloveObserver:
         """
         for package in ("foxglove", "rosbags"):
             if find_spec(package) is None:
-                raise ConfigError(f"{context.name}: plugin: foxglove needs the package {package}: {INSTALL}")
+                raise ConfigError(
+                    f"{context.name}: plugin: foxglove needs the package {package}: {install('foxglove')}"
+                )
         check_listen(context.name, config.listen)
         self._stamps, self._types = Stamps(), Ros2Types(TYPES)
         self._topics = Topics(context.robot, context.routes, every=config.every, map=context.map)
