@@ -287,10 +287,17 @@ def graph(
     graph(mission, svg)
 
 
+def _rows() -> list[str]:
+    from artemis.supervision.catalogue import ROWS
+
+    return list(ROWS)
+
+
 @app.command()
 def faults(
     ids: Annotated[
-        list[str] | None, typer.Argument(metavar="[ID...]", help="Rows such as DRV-25; all if left out.")
+        list[str] | None,
+        typer.Argument(metavar="[ID...]", help="Rows such as DRV-25; all if left out.", autocompletion=_rows),
     ] = None,
     markdown: Annotated[bool, typer.Option("--markdown", help="Print the page of the documentation.")] = False,
     robot: Annotated[
@@ -305,7 +312,9 @@ def faults(
 
 @app.command()
 def schema(
-    kind: Annotated[str, typer.Argument(metavar="mission|robot", help="Kind of file.")] = "mission",
+    kind: Annotated[
+        str, typer.Argument(metavar="mission|robot", help="Kind of file.", autocompletion=lambda: ["mission", "robot"])
+    ] = "mission",
     markdown: Annotated[bool, typer.Option("--markdown", help="Print the steps as in the documentation.")] = False,
 ) -> None:
     """Print the JSON schema of a mission or robot file, for editors."""

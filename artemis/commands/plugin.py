@@ -19,10 +19,21 @@ def list_plugins(context: typer.Context) -> None:
         raise typer.Exit(show_plugins())
 
 
+def _kinds() -> list[str]:
+    from artemis.commands.plugins import GROUPS
+
+    return list(GROUPS)
+
+
 @plugins.command("new")
 def new_plugin(
     kind: Annotated[
-        str, typer.Argument(metavar="input|follower|localizer|scanner|observer|behaviour", help="Kind of plugin.")
+        str,
+        typer.Argument(
+            metavar="input|follower|localizer|scanner|observer|behaviour",
+            help="Kind of plugin.",
+            autocompletion=_kinds,
+        ),
     ],
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the plugin in missions.")],
     folder: Annotated[Path, typer.Option(help="Create the package in this folder.")] = Path(),

@@ -59,9 +59,20 @@ def plugins_watched(
     patient: Callable[[], bool] | None,
     origin: Callable[[str], str],
 ) -> Iterator[None]:
-    """Both of the next, for the time of a run."""
-    with prints_named(asked, ours), ended_if_blocked(asked, note, patient, origin):
+    """All of the next, for the time of a run."""
+    with folder_kept(), prints_named(asked, ours), ended_if_blocked(asked, note, patient, origin):
         yield
+
+
+@contextmanager
+def folder_kept() -> Iterator[None]:
+    """Come back to the working folder, where a plugin has left it: files of the run are written relative to it."""
+    here = os.open(".", os.O_PATH)
+    try:
+        yield
+    finally:
+        os.fchdir(here)
+        os.close(here)
 
 
 @contextmanager

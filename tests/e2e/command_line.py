@@ -60,10 +60,12 @@ def endless_mission(folder: Path, *, more: str = "") -> Path:
     return mission
 
 
-def artemis(*arguments: str | Path, program: list[str] = ARTEMIS) -> subprocess.CompletedProcess[str]:
+def artemis(
+    *arguments: str | Path, program: list[str] = ARTEMIS, cwd: Path | None = None
+) -> subprocess.CompletedProcess[str]:
     """Run the command to its end."""
     command = [*program, *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, stdin=subprocess.DEVNULL)
+    return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, stdin=subprocess.DEVNULL, cwd=cwd)
 
 
 def artemis_here(*arguments: str | Path) -> subprocess.CompletedProcess[str]:

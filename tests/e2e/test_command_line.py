@@ -457,3 +457,19 @@ def test_a_run_whose_output_cannot_be_written_ends_and_says_so(tmp_path: Path) -
         found = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=PATIENCE)
     assert found.returncode == 143
     assert found.stderr == "artemis: standard output cannot be written: No space left on device; the run ends\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "offered"),
+    [
+        (["faults", "DRV-2"], [f"DRV-2{digit}" for digit in range(10)]),
+        (["plugins", "new", "f"], ["follower"]),
+        (["schema", ""], ["mission", "robot"]),
+    ],
+)
+def test_the_shell_completes_words_of_a_fixed_list(words: list[str], offered: list[str]) -> None:
+    line = " ".join(["artemis", *words])
+    ask = {"_ARTEMIS_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": str(len(words))}
+    program = Path(sys.executable).with_name("artemis")
+    told = subprocess.run([program], env={**os.environ, **ask}, capture_output=True, text=True, timeout=PATIENCE)
+    assert told.stdout.split() == offered

@@ -77,6 +77,9 @@ class Evil:
     def mumble(self):
         print("the end of it", end="")
 
+    def move(self):
+        os.chdir("/")
+
     def noise(self):
         threading.Thread(target=self.flood, name="noisy").start()
 """
@@ -143,6 +146,14 @@ def test_a_plugin_that_ends_the_process_is_refused_and_named(tmp_path: Path) -> 
     assert "PLG-02 stick: plugin raised an error (RuntimeError('os._exit(0): nothing but artemis may end" in done.stdout
     assert "result        FAILED" in done.stdout
     assert_left_at_rest(only_run(tmp_path))
+
+
+@pytest.mark.usefixtures("site")
+def test_a_plugin_that_changes_the_working_folder_does_not_lose_the_report(tmp_path: Path) -> None:
+    mission(tmp_path, "move")
+    done = artemis("run", "mission.yaml", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (only_run(tmp_path) / "report.html").exists()
 
 
 @pytest.mark.slow
