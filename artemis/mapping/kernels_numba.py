@@ -64,30 +64,52 @@ def place(points: Array, first: int, scan: Array, pose: Array) -> None:
 
 
 @_compiled
+def _rise(values: Cells, owners: Numbers, weights: Cells, number: int) -> None:
+    """Each value to its weight, if that is higher, which point `number` gives; all of one length, without branches."""
+    for a in range(len(values)):
+        higher = weights[a] > values[a]
+        values[a] = weights[a] if higher else values[a]
+        owners[a] = number if higher else owners[a]
+
+
+@_compiled
 def stamp(field: Cells, owner: Numbers, points: Array, first: int, last: int, blot: Cells, per_metre: float) -> None:
     """See `kernels_numpy`."""
-    mask, radius = field.shape[0] - 1, blot.shape[2] // 2
+    mask, side = field.shape[0] - 1, blot.shape[2]
     for i in range(first, last):
         gx, gy = points[i, 0] * per_metre + 0.5, points[i, 1] * per_metre + 0.5
         u, v = int(np.floor(gx)), int(np.floor(gy))
         kernel = blot[min(STEPS - 1, int((gy - v) * STEPS)), min(STEPS - 1, int((gx - u) * STEPS))]
-        for b in range(-radius, radius + 1):
-            row = (v + b) & mask
-            for a in range(-radius, radius + 1):
-                column, weight = (u + a) & mask, kernel[b + radius, a + radius]
-                if weight > field[row, column]:
-                    field[row, column], owner[row, column] = weight, i
+        left, top = (u - side // 2) & mask, v - side // 2
+        right = min(left + side, mask + 1)
+        for b in range(side):
+            row = (top + b) & mask
+            _rise(field[row, left:right], owner[row, left:right], kernel[b, : right - left], i)
+            if right - left < side:  # the rest is at the other edge
+                rest = side - right + left
+                _rise(field[row, :rest], owner[row, :rest], kernel[b, right - left :], i)
 
 
 @_compiled
-def wipe(field: Cells, fine: Cells, coarse: Cells, points: Array, count: int, radius: int, per_metre: float) -> None:
+def wipe(field: Cells, points: Array, count: int, radius: int, per_metre: float) -> None:
     """See `kernels_numpy`."""
-    mask, fine_mask, coarse_mask = field.shape[0] - 1, fine.shape[0] - 1, coarse.shape[0] - 1
+    mask = field.shape[0] - 1
     for i in range(count):
         u, v = int(np.floor(points[i, 0] * per_metre + 0.5)), int(np.floor(points[i, 1] * per_metre + 0.5))
+        left = (u - radius) & mask
+        right = left + 2 * radius + 1
         for b in range(v - radius, v + radius + 1):
-            for a in range(u - radius, u + radius + 1):
-                field[b & mask, a & mask] = 0
+            field[b & mask, left:right] = 0
+            if right > mask + 1:  # the rest is at the other edge
+                field[b & mask, : right - mask - 1] = 0
+
+
+@_compiled
+def wipe_levels(fine: Cells, coarse: Cells, points: Array, count: int, radius: int, per_metre: float) -> None:
+    """See `kernels_numpy`."""
+    fine_mask, coarse_mask = fine.shape[0] - 1, coarse.shape[0] - 1
+    for i in range(count):
+        u, v = int(np.floor(points[i, 0] * per_metre + 0.5)), int(np.floor(points[i, 1] * per_metre + 0.5))
         for b in range((v - radius) // FINE - 1, (v + radius) // FINE + 1):
             for a in range((u - radius) // FINE - 1, (u + radius) // FINE + 1):
                 fine[b & fine_mask, a & fine_mask] = 0

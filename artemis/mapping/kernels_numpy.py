@@ -113,12 +113,19 @@ def stamp(field: Cells, owner: Numbers, points: Array, first: int, last: int, bl
     flat_owner[cell[won][::-1]] = number[won][::-1]  # of equal ones the first: a repeated index keeps what comes last
 
 
-def wipe(field: Cells, fine: Cells, coarse: Cells, points: Array, count: int, radius: int, per_metre: float) -> None:
-    """Take the first `count` map points out again; `radius` of their blots [cells]. All three levels are changed."""
+def wipe(field: Cells, points: Array, count: int, radius: int, per_metre: float) -> None:
+    """Take the first `count` map points out of the field again; `radius` of their blots [cells]."""
     if count == 0:
         return
     u, v = (np.floor(points[:count, k] * per_metre + 0.5).astype(np.int64) for k in (0, 1))
     field.reshape(-1)[_footprints(u, v, radius, field.shape[0])] = 0
+
+
+def wipe_levels(fine: Cells, coarse: Cells, points: Array, count: int, radius: int, per_metre: float) -> None:
+    """Take them out of the two upper levels."""
+    if count == 0:
+        return
+    u, v = (np.floor(points[:count, k] * per_metre + 0.5).astype(np.int64) for k in (0, 1))
     fine.reshape(-1)[_blocks(u, v, radius, FINE, fine.shape[0])] = 0
     coarse.reshape(-1)[_blocks(u, v, radius + FINE, COARSE, coarse.shape[0])] = 0  # a block of `fine` begins before it
 

@@ -47,7 +47,8 @@ class LikelihoodGrid:
         self._fine = np.zeros((size // FINE, size // FINE), np.float32)
         self._coarse = np.zeros((size // COARSE, size // COARSE), np.float32)
         self._points = np.zeros((4096, 4))
-        self._count, self._raised = 0, False
+        self._count, self._raised = 0, 0
+        """Points of the map; those of them that the upper levels show."""
         self._blot = _blot(settings)
 
     @property
@@ -58,8 +59,9 @@ class LikelihoodGrid:
     def build(self, scans: Iterable[Array], poses: Iterable[Array]) -> None:
         """Forget what is there, and add scans."""
         radius = self._blot.shape[2] // 2
-        kernels.LOOPS.wipe(self._field, self._fine, self._coarse, self._points, self._count, radius, self._per_metre)
-        self._count, self._raised = 0, False
+        kernels.LOOPS.wipe(self._field, self._points, self._count, radius, self._per_metre)
+        kernels.LOOPS.wipe_levels(self._fine, self._coarse, self._points, self._raised, radius, self._per_metre)
+        self._count = self._raised = 0
         for scan, pose in zip(scans, poses, strict=True):
             self._place(scan, pose)
         self._stamp(0)
@@ -78,18 +80,17 @@ class LikelihoodGrid:
         self._count = last
 
     def _stamp(self, first: int) -> None:
-        self._raised = False
         kernels.LOOPS.stamp(self._field, self._owner, self._points, first, self._count, self._blot, self._per_metre)
 
     def finish(self) -> None:
         """Fill the upper levels, if they are not up to date."""
-        if self._raised:
+        if self._raised == self._count:
             return
         radius = self._blot.shape[2] // 2
         kernels.LOOPS.raise_levels(
             self._field, self._fine, self._coarse, self._points, self._count, radius, self._per_metre
         )
-        self._raised = True
+        self._raised = self._count
 
     def search(
         self,

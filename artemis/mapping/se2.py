@@ -55,10 +55,15 @@ def effort(motions: Array) -> Array:
     return np.asarray(np.hypot(motions[:, 0], motions[:, 1]) + TURN_WEIGHT * np.abs(motions[:, 2]))
 
 
+def driven(odometry: Array) -> Array:
+    """How much was driven from the first of n poses (n, 3) to each, shape (n,); it grows a little where none moves."""
+    return np.append(0.0, np.cumsum(effort(between(odometry[:-1], odometry[1:])) + 1e-5))
+
+
 def shares(odometry: Array) -> Array:
     """Of poses (n, 3), n > 1: which part of what was driven from the first to the last had been driven, shape (n - 1,).
 
     Of the second pose on; the last is 1. Poses that do not move are spread evenly.
     """
-    driven = np.cumsum(effort(between(odometry[:-1], odometry[1:])) + 1e-5)
-    return np.asarray(driven / driven[-1])
+    way = driven(odometry)[1:]
+    return np.asarray(way / way[-1])

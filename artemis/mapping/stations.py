@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
 from array import array
 
 import numpy as np
 from numpy.typing import NDArray
 
 from artemis.mapping.laser import Reading
-from artemis.mapping.se2 import Array, between, compose, shares
+from artemis.mapping.se2 import Array, between, compose, driven
 
 MOST_POINTS = 200
 """Of a scan that is kept to be matched once more: as many as the beams of a scanner with 1 degree between them."""
@@ -76,24 +75,16 @@ class Stations:
         Between two stations: by the odometry, what is missing to the second one spread over what was driven. Before the
         first station: by the odometry, back from it; after the last likewise.
         """
-        times, odometry = np.array(self._times), self.odometry
-        found = np.empty((len(times), 3))
-        at = self.readings
+        times, odometry = np.array(self._times), np.nan_to_num(self.odometry)  # without odometry it counts as standing
+        at, readings = np.array(self.readings), np.arange(len(times))
+        if not at.size:
+            return times, np.zeros((len(times), 3))
+        before, way = np.maximum(np.searchsorted(at, readings, side="right") - 1, 0), driven(odometry)
+        found = compose(poses[before], between(odometry[at[before]], odometry))
+        missing = between(compose(poses[:-1], between(odometry[at[:-1]], odometry[at[1:]])), poses[1:])
+        inner = (readings > at[0]) & (readings < at[-1])
+        number = before[inner]
+        share = (way[inner] - way[at[number]]) / (way[at[number + 1]] - way[at[number]])
+        found[inner] = compose(found[inner], share[:, None] * missing[number])
         found[at] = poses
-        for number, (begin, end) in enumerate(itertools.pairwise(at)):
-            if end - begin > 1:
-                way = _counted(odometry[begin : end + 1])
-                gap = between(compose(poses[number], between(way[0], way[-1])), poses[number + 1])
-                there = compose(poses[number], between(way[0], way[1:-1]))
-                found[begin + 1 : end] = compose(there, shares(way)[:-1, None] * gap)
-        if at:
-            found[: at[0]] = compose(poses[0], between(_counted(odometry[at[0]]), _counted(odometry[: at[0]])))
-            found[at[-1] + 1 :] = compose(
-                poses[-1], between(_counted(odometry[at[-1]]), _counted(odometry[at[-1] + 1 :]))
-            )
         return times, found
-
-
-def _counted(odometry: Array) -> Array:
-    """Where there is no odometry, the robot counts as standing."""
-    return np.nan_to_num(odometry, nan=0.0)

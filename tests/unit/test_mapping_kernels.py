@@ -116,6 +116,25 @@ def test_the_compiled_loops_give_the_same() -> None:
         np.testing.assert_allclose(one, other, atol=2e-6)
 
 
+@pytest.mark.skipif(not kernels.COMPILED, reason="numba is not installed (extra slam)")
+def test_the_compiled_loops_give_the_same_where_the_grid_goes_round() -> None:
+    from artemis.mapping import kernels_numba
+    from artemis.mapping.likelihood import _blot
+
+    blot, points = _blot(SETTINGS), np.zeros((400, 4))
+    points[:, :2] = np.random.default_rng(1).uniform(-30.0, 30.0, (400, 2))
+    fields = []
+    for module in (kernels_numpy, kernels_numba):
+        field, owner = np.zeros((64, 64), np.float32), np.zeros((64, 64), np.int32)
+        module.stamp(field, owner, points, 0, 40, blot, 20.0)
+        fields += [(field.copy(), owner)]
+        module.wipe(field, points, 30, blot.shape[2] // 2, 20.0)
+        fields += [(field, owner)]
+    for one, other in zip(fields[:2], fields[2:], strict=True):
+        assert one[0].any()
+        assert np.array_equal(one, other)
+
+
 def everything(module: ModuleType) -> list[np.ndarray]:
     """What each of the functions gives."""
     from artemis.mapping.likelihood import _blot
@@ -144,7 +163,8 @@ def everything(module: ModuleType) -> list[np.ndarray]:
     ends, passes = np.zeros((500, 500), np.int32), np.zeros((500, 500), np.int32)
     module.count_rays(ends, passes, points[:count, :2].copy(), true, 20.0, -12.0, -12.0)
     found += [ends, passes]
-    module.wipe(field, fine, coarse, points, count, blot.shape[2] // 2, 20.0)
+    module.wipe(field, points, count, blot.shape[2] // 2, 20.0)
+    module.wipe_levels(fine, coarse, points, count, blot.shape[2] // 2, 20.0)
     assert not field.any()
     assert not fine.any()
     assert not coarse.any()
