@@ -48,8 +48,10 @@ class Attendance:
         self._acts, self._operator = acts, operator
         self._until = max((act.at_s for act in acts), default=-inf) + OPERATOR_GRACE
         self._listeners: list[Typed] = []
-        self.awaited = self.hands = False
-        """Somebody may come to a device that needs a person; was heard there."""
+        self.awaited = False
+        """The mission has a device that needs a person: somebody may come to it."""
+        self.hands = False
+        """Somebody was heard at one."""
         self.interrupted: int | None = None
         """The signal that ends the run: the first."""
         self._taken: list[signal.Signals] = []

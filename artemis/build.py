@@ -20,11 +20,18 @@ def version(package: str) -> str:
 
 def install(extra: str) -> str:
     """The command that adds an extra to this artemis, from where it was installed (PEP 610, `direct_url.json`)."""
-    origin = json.loads(metadata.distribution("artemis-robot").read_text("direct_url.json") or "{}")
-    url = urlsplit(origin.get("url", ""))
-    place = unquote(url.path) if url.scheme == "file" else "artemis-robot"
+    found = (each.read_text("direct_url.json") for each in metadata.distributions(name="artemis-robot"))
+    origin = json.loads(next(filter(None, found), "{}"))  # a checkout's own .egg-info has none
+    url, what = origin.get("url", ""), f"artemis-robot[{extra}]"
+    if (versions := origin.get("vcs_info")) is not None:
+        within = f"#subdirectory={origin['subdirectory']}" if "subdirectory" in origin else ""
+        what = f"{what} @ {versions['vcs']}+{url}@{versions['commit_id']}{within}"
+    elif url.startswith("file:"):
+        what = f"{unquote(urlsplit(url).path)}[{extra}]"
+    elif url:
+        what = f"{what} @ {url}"
     editable = "--editable " * bool(origin.get("dir_info", {}).get("editable"))
-    return f"{quote(sys.executable)} -m pip install {editable}{quote(f'{place}[{extra}]')}"
+    return f"{quote(sys.executable)} -m pip install {editable}{quote(what)}"
 
 
 def kind_of_build() -> str:

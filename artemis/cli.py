@@ -15,6 +15,7 @@ from typing import Annotated
 import typer
 
 from artemis.commands.calibrate import MissionFile, calibrate
+from artemis.commands.completion import rows
 from artemis.commands.map import maps
 from artemis.commands.page_options import PageAddress, PagePort, PageTls, page
 from artemis.commands.path import paths
@@ -287,17 +288,11 @@ def graph(
     graph(mission, svg)
 
 
-def _rows() -> list[str]:
-    from artemis.supervision.catalogue import ROWS
-
-    return list(ROWS)
-
-
 @app.command()
 def faults(
     ids: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[ID...]", help="Rows such as DRV-25; all if left out.", autocompletion=_rows),
+        typer.Argument(metavar="[ID...]", help="Rows such as DRV-25; all if left out.", autocompletion=rows),
     ] = None,
     markdown: Annotated[bool, typer.Option("--markdown", help="Print the page of the documentation.")] = False,
     robot: Annotated[
@@ -312,9 +307,7 @@ def faults(
 
 @app.command()
 def schema(
-    kind: Annotated[
-        str, typer.Argument(metavar="mission|robot", help="Kind of file.", autocompletion=lambda: ["mission", "robot"])
-    ] = "mission",
+    kind: Annotated[str, typer.Argument(metavar="mission|robot", help="Kind of file.")] = "mission",
     markdown: Annotated[bool, typer.Option("--markdown", help="Print the steps as in the documentation.")] = False,
 ) -> None:
     """Print the JSON schema of a mission or robot file, for editors."""

@@ -142,7 +142,7 @@ class Sensed(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     late: float = 0.0  # how long after its time on the schedule the tick began [s]
     sent: float = 0.0  # when the last scheduled tick's frames had been sent [s of the run]
     urgent: bool = False  # an extra tick, off the schedule: writes stop frames only
-    attended: bool = False  # somebody can acknowledge and arm; otherwise a fault or a quick stop ends the run
+    attended: bool = False  # somebody can acknowledge and arm; else a stop ends the run, if nobody is awaited
     awaited: bool = False  # somebody may still come who can: where the drives are off, the run waits for them
     drives: tuple[DriveFeedback, ...] = ()
     bus: BusHealth = BusHealth()

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from artemis.commands.completion import kinds
+
 plugins = typer.Typer(rich_markup_mode=None, invoke_without_command=True)
 
 
@@ -19,12 +21,6 @@ def list_plugins(context: typer.Context) -> None:
         raise typer.Exit(show_plugins())
 
 
-def _kinds() -> list[str]:
-    from artemis.commands.plugins import GROUPS
-
-    return list(GROUPS)
-
-
 @plugins.command("new")
 def new_plugin(
     kind: Annotated[
@@ -32,7 +28,7 @@ def new_plugin(
         typer.Argument(
             metavar="input|follower|localizer|scanner|observer|behaviour",
             help="Kind of plugin.",
-            autocompletion=_kinds,
+            autocompletion=kinds,
         ),
     ],
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the plugin in missions.")],

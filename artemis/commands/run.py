@@ -219,7 +219,7 @@ def _conclude(outcome: Outcome, advice: str, manager: ServiceManager) -> None:
     def print_result(faults: Sequence[str], failure: str) -> None:
         words = _result(outcome, faults, failure)
         _print("result", words)
-        manager.tell(STATUS + words)
+        manager.tell(STATUS + " ".join(words.splitlines()))
 
     sys.stdout.write("\n")
     try:

@@ -22,8 +22,7 @@ BEYOND = 0.07
 """Routes are free by so much more than that [m]: the robot is not exactly on them, and a scanner measures some cm too
 little, by its noise and its systematic error."""
 TO_STOP = 0.10
-"""Beyond the distance that it keeps, the obstacle stop looks at so much unseen ground, a cell of it, before it stops
-the robot [m]."""
+"""The obstacle stop keeps its distance and a cell from ground that was not seen, and stops within the rest [m]."""
 MOST_OFF = 0.3
 """Farther from its route the robot is lost [m]."""
 
@@ -95,8 +94,4 @@ def known_behind(rules: ObstacleRules | None) -> float | None:
 
     None: it lets it reverse anywhere.
     """
-    if rules is None or rules.mode == "off" or rules.unseen_reverse:
-        return None
-    from artemis.motion.ground import AHEAD
-
-    return min(rules.clear + TO_STOP, AHEAD)
+    return None if rules is None or rules.mode == "off" or rules.unseen_reverse else rules.clear + TO_STOP

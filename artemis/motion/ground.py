@@ -175,6 +175,13 @@ class _End:
         return np.asarray(within & hidden[np.where(within, row, 0), np.where(within, column, 0)])
 
 
+def looks_back(box: Rectangle, views: Collection[View], reach: float) -> bool:
+    """Whether scanners look at all of the ground behind the outline, so far [m]: none of it has to be known."""
+    end = _End(box, views, reach, forward=False)
+    end.fit()
+    return end.faced and end.hidden is None
+
+
 class _Eye:
     """Which of some places a scanner sees to be free."""
 

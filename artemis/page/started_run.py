@@ -90,6 +90,7 @@ class StartedRun:
 
     def look(self, now: float) -> int | None:
         """Read its messages; its exit status once it has ended. One that hangs is killed."""
+        status = self._process.poll()  # first: what it said last is there then
         for words in self._said():
             if words == READY:
                 self.is_ready, self._heard, self.killed_at = True, now, inf
@@ -106,7 +107,7 @@ class StartedRun:
             self._kill(f"it did not tick for {HANG:g} s: ")
         if now > self.killed_at:
             self._kill(f"it did not end within {CANCEL_TIME:g} s: ")
-        return self._process.poll()
+        return status
 
     @property
     def outcome(self) -> str:

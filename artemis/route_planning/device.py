@@ -16,10 +16,9 @@ from artemis.devices.device import Readings, Report, Work
 from artemis.devices.worker import Worker, WorkerEnded
 from artemis.mapping.occupancy import OccupancyMap
 from artemis.motion.planned_route import PLANNER, unpacked_poses
-from artemis.route_planning.floor import CELL, Destination, Floor, clearance, floor_from, outline_box
+from artemis.route_planning.floor import CELL, Destination, Floor, floor_from
 from artemis.route_planning.obstacle_layer import EVERY, KEPT, PlacedScan, placed_scan
 from artemis.route_planning.planner import PlannedRoute, RouteRequest, plan_route
-from artemis.route_planning.search import is_known
 from artemis.values import Job, JobResult, Pose, Snapshot, Tick
 from artemis.vehicle import RobotFile
 
@@ -157,7 +156,6 @@ def warm_up(robot: RobotFile) -> PlannedRoute:
     side = 8.0 * (outline.front_m + outline.rear_m + 2.0 * outline.half_width_m)
     cells = np.zeros((round(side / CELL), round(side / CELL)), np.int8)
     empty = floor_from(OccupancyMap(cells=cells, resolution=CELL, origin=(0.0, 0.0, 0.0)))
-    is_known(np.zeros((1, 4)), clearance(empty.occupied), CELL, outline_box(robot, 0.0))  # only some plans do
     start, goal = (Pose(x=share * side, y=0.5 * side) for share in (0.4, 0.6))
     return plan_route(RouteRequest(floor=empty, robot=robot, start=start, goal=goal, speed=0.1, known_behind=0.0))
 

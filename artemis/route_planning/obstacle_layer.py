@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from artemis.motion.angles import wrap
 from artemis.motion.beams import seeing
-from artemis.motion.ground import AROUND, STEP, TURN
+from artemis.motion.ground import AROUND, STEP, TURN, looks_back
 from artemis.motion.poses import placed
-from artemis.motion.view import placed_points
+from artemis.motion.sweep import Rectangle
+from artemis.motion.view import View, placed_points
 from artemis.mounting import Mounting
 from artemis.route_planning.floor import CELL, Array, Cells, Field, Floor
 from artemis.scan import Scan
@@ -40,8 +41,8 @@ BETWEEN, BENT = 0.10, 0.25
 """A beam that measures so much more than the one beside it, and so much less than the one on its other side, has met
 two things, and shows where nothing is [m]; unless it continues a wall: then the inverse distances of three beams rise
 evenly, but for this share."""
-BEHIND = math.radians(89.0)
-"""A robot looks back if its scanners look this far to both sides of there."""
+BEHIND = 1.0
+"""Ground behind the outline is reversed over without knowing it if the scanners look at all of it, so far [m]."""
 FINE = 0.035
 """Ground is looked at so often [m]: several times in a cell, however it is turned."""
 _BESIDE = [(row, column) for row in (-1, 0, 1) for column in (-1, 0, 1)]
@@ -164,20 +165,24 @@ class _Directions:
 def _reached(scan: Scan, mask: Sequence[tuple[float, float]], bearings: Array) -> Array:
     """What the beams in some directions in the scanner's frame [rad] measured [m]; 0: nothing, -1: there is no beam."""
     turned = bearings - scan.start_angle
-    beams = np.rint((turned if scan.increment > 0.0 else -turned) % math.tau / abs(scan.increment)).astype(np.int64)
+    step = abs(scan.increment)
+    beams = np.rint((turned if scan.increment > 0.0 else -turned) % math.tau / step).astype(np.int64)
+    beams %= round(math.tau / step)  # just before the first one is the first one
     ranges = scan.millimetres / 1000.0
     ranges[~seeing(np.degrees(scan.start_angle + scan.increment * np.arange(len(ranges))), mask)] = -1.0
     within = beams < len(ranges)
     return np.where(within, ranges[np.where(within, beams, 0)], -1.0)
 
 
-def looks_back(placed_scans: Sequence[PlacedScan], scanners: Mapping[str, Mounting]) -> bool:
-    """Whether scanners look at all that is behind the robot, whatever they measure: it sees where it reverses to."""
-    newest = {each.scan.source: each.scan for each in placed_scans}
-    behind, looked = math.pi + np.linspace(-BEHIND, BEHIND, 90), np.zeros(90, np.bool_)
-    for name, scan in newest.items():
-        looked |= _reached(scan, scanners[name].mask, behind - scanners[name].heading) >= 0.0
-    return bool(looked.all())
+def sees_behind(placed_scans: Sequence[PlacedScan], robot: RobotFile) -> bool:
+    """Whether the robot's scanners look at all of the ground behind it, whatever they measure there."""
+    outline = robot.outline
+    assert outline is not None
+    box = Rectangle(-outline.rear_m, outline.front_m, outline.half_width_m)
+    views = {name: View(mounting, box, BEHIND, 0.0) for name, mounting in robot.scanners.items()}
+    for scan in {each.scan.source: each.scan for each in placed_scans}.values():
+        views[scan.source].take(scan, scan.time, 0.0, 0.0, creeping=False)
+    return looks_back(box, views.values(), BEHIND)
 
 
 def _seen_through(
@@ -225,8 +230,9 @@ def placed_returns(placed: PlacedScan, mounting: Mounting) -> Array:
     scan = placed.scan
     ranges = scan.millimetres / 1000.0
     bearings = scan.start_angle + scan.increment * np.arange(len(ranges))
-    ranges[(ranges < mounting.least_range_m) | ~seeing(np.degrees(bearings), mounting.mask)] = np.nan
-    counts = (ranges <= RANGE) & ~_between(ranges)
+    ranges[ranges == 0.0] = np.nan
+    counts = (ranges >= mounting.least_range_m) & (ranges <= RANGE)
+    counts &= seeing(np.degrees(bearings), mounting.mask) & ~_between(ranges)
     angle, ages = bearings[counts] + mounting.heading, placed.ages[counts]
     x = mounting.x_m + ranges[counts] * np.cos(angle)
     y = mounting.y_m + ranges[counts] * np.sin(angle)

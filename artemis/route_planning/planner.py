@@ -30,7 +30,7 @@ from artemis.route_planning.floor import (
     outline_box,
 )
 from artemis.route_planning.heuristic import UNREACHABLE, cost_to_go
-from artemis.route_planning.obstacle_layer import PlacedScan, known_ground, looks_back, standing
+from artemis.route_planning.obstacle_layer import PlacedScan, known_ground, sees_behind, standing
 from artemis.route_planning.search import (
     FINEST,
     FIRST,
@@ -181,8 +181,7 @@ class _Planning:
             self._begun = clearance(occupied & ~under)
         self._seen = bare - (0.0, request.known_behind or 0.0, 0.0)
         self._known = self._anywhere = np.full_like(self._clear, np.inf)
-        looked_back = looks_back(request.placed_scans, request.robot.scanners)
-        self._over_known = request.known_behind is not None and not looked_back
+        self._over_known = request.known_behind is not None and not sees_behind(request.placed_scans, request.robot)
         if self._over_known:
             known = known_ground(request.placed_scans, request.robot, self._floor)
             known |= covered(np.ones_like(known), self._start, bare)

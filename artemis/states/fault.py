@@ -91,7 +91,8 @@ class FaultMode(RoutineMode):
         verdict, present = snapshot.verdict, snapshot.verdict.faults[0]
         late = snapshot.time > latest
         goes_on = verdict.recovers and not self.bring_up.held and (verdict.resumes or self.bring_up.armed)
-        alone = not (may_answer(snapshot) or goes_on)
+        answers = snapshot.sensed.attended if self._insecure else may_answer(snapshot)
+        alone = not (answers or goes_on)
         if late or alone or is_second(self.shared, snapshot):
             phase = "no operator to acknowledge" if alone and not verdict.final else "fault"
             return (yield give_up(replace(idle, phase=phase), late=late))

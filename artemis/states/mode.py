@@ -7,7 +7,7 @@ from typing import Protocol
 
 from msgspec.structs import replace
 
-from artemis.drive_states import DriveState, Goal, Nmt
+from artemis.drive_states import POWERED, DriveState, Goal, Nmt
 from artemis.motion.perception import STANDING_TIME
 from artemis.states.plan import DriveStop, Plan, Shared
 from artemis.supervision import catalogue
@@ -160,8 +160,10 @@ def secure(shared: Shared, wish: Wish, snapshot: Snapshot) -> Finished:
 
 
 def may_answer(snapshot: Snapshot) -> bool:
-    """Whether somebody can acknowledge and arm, or may still come who can: enough where the drives are off."""
-    return snapshot.sensed.attended or snapshot.sensed.awaited
+    """Whether somebody can acknowledge and arm; or may still come who can, where every drive is off until then."""
+    sensed = snapshot.sensed
+    off = not any(drive.state in POWERED for drive in sensed.drives)
+    return sensed.attended or (sensed.awaited and off and not snapshot.verdict.final)
 
 
 PATIENCE = 600.0

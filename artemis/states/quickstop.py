@@ -93,8 +93,7 @@ class QuickstopMode(RoutineMode):
 
     def _waiting(self, rest: Wish, snapshot: Snapshot, latest: float) -> Wish:
         """At rest, with what it waits for; ends the run where no operator will come."""
-        answers = may_answer(snapshot) if rest is OFF else snapshot.sensed.attended
-        alone = not (answers or self._goes_on)
+        alone = not (may_answer(snapshot) or self._goes_on)
         if alone or snapshot.time > latest:
             return give_up(replace(rest, phase="no operator to arm" if alone else "stopped"), late=not alone)
         wish = replace(rest, phase=waits_for(snapshot) or "stopped: arm to continue")

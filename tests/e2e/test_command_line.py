@@ -464,7 +464,6 @@ def test_a_run_whose_output_cannot_be_written_ends_and_says_so(tmp_path: Path) -
     [
         (["faults", "DRV-2"], [f"DRV-2{digit}" for digit in range(10)]),
         (["plugins", "new", "f"], ["follower"]),
-        (["schema", ""], ["mission", "robot"]),
     ],
 )
 def test_the_shell_completes_words_of_a_fixed_list(words: list[str], offered: list[str]) -> None:

@@ -49,6 +49,14 @@ def test_build_is_known_by_the_file_of_a_module_that_would_be_compiled(
             "'/tmp/artemis_robot-0.1.0-py3-none-any.whl[web]'",
         ),
         (None, "'artemis-robot[web]'"),
+        (
+            '{"url": "https://example.org/artemis.git", "vcs_info": {"vcs": "git", "commit_id": "5f0e"}}',
+            "'artemis-robot[web] @ git+https://example.org/artemis.git@5f0e'",
+        ),
+        (
+            '{"url": "https://example.org/a.whl", "archive_info": {}}',
+            "'artemis-robot[web] @ https://example.org/a.whl'",
+        ),
     ],
 )
 def test_an_extra_is_installed_from_where_artemis_came(
@@ -58,7 +66,11 @@ def test_an_extra_is_installed_from_where_artemis_came(
         def read_text(self, name: str) -> str | None:
             return origin if name == "direct_url.json" else None
 
-    monkeypatch.setattr(metadata, "distribution", lambda name: Distribution())
+    class EggInfo:
+        def read_text(self, name: str) -> None:
+            """It has none."""
+
+    monkeypatch.setattr(metadata, "distributions", lambda name: iter([EggInfo(), Distribution()]))
     monkeypatch.setattr(sys, "executable", "/srv/artemis/.venv/bin/python")
     assert build.install("web") == f"/srv/artemis/.venv/bin/python -m pip install {what}"
 

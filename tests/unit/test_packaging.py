@@ -1,4 +1,4 @@
-"""Units and container file, against the project that they name; `tests/e2e/test_container.py` builds the container."""
+"""Units and container file, against the project that they name; `tests/packaging` builds the container."""
 
 from __future__ import annotations
 

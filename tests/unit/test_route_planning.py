@@ -22,7 +22,7 @@ from artemis.route_planning import planner
 from artemis.route_planning.curves import rolled, shortest
 from artemis.route_planning.device import warm_up
 from artemis.route_planning.floor import CELL, Floor, clearance, floor_from, goal_problem, resampled
-from artemis.route_planning.obstacle_layer import PlacedScan, known_ground, looks_back, placed_returns, standing
+from artemis.route_planning.obstacle_layer import PlacedScan, known_ground, placed_returns, sees_behind, standing
 from artemis.route_planning.planner import PlannedRoute, RouteRequest, plan_route
 from artemis.route_planning.search import MOST_BACK
 from artemis.route_planning.zones import MapZone
@@ -327,19 +327,55 @@ def test_a_route_begins_backwards_over_known_ground_if_there_is_some(driven: boo
     assert known[row, column].all() == driven
 
 
-@pytest.mark.parametrize(("heading", "looks"), [(math.pi, True), (math.pi - 1.0, False), (0.0, False)])
-def test_where_a_scanner_looks_back_no_ground_behind_has_to_be_known(heading: float, looks: bool) -> None:
-    """One of 270 degrees that points back, obliquely back, or ahead."""
-    mounting = ROBOT.scanners["front"].model_copy(update={"heading_deg": math.degrees(heading)})
-    scans = (PlacedScan(1.0, START, scan_with(WALLS, 1.0)),)
-    assert looks_back(scans, {"front": mounting}) == looks
-    assert not looks_back(scans, {"front": mounting.model_copy(update={"mask": ((-5.0, 5.0),)})})
-    assert not looks_back((), {"front": mounting})
-    robot = ROBOT.model_copy(update={"scanners": {"front": mounting}})
+def looking(*mountings: dict[str, object], scan: Scan | None = None) -> tuple[RobotFile, tuple[PlacedScan, ...]]:
+    """The robot with scanners of 270 degrees that differ from its own by these keys, and a scan of each."""
+    own = ROBOT.scanners["front"]
+    scanners = {f"scanner {n}": own.model_copy(update=keys) for n, keys in enumerate(mountings)}
+    scans = (PlacedScan(1.0, START, replace(scan or scan_with(WALLS, 1.0), source=name)) for name in scanners)
+    return ROBOT.model_copy(update={"scanners": scanners}), tuple(scans)
+
+
+BACK: dict[str, object] = {"heading_deg": 180.0}
+
+
+@pytest.mark.parametrize(
+    ("mountings", "sees"),
+    [
+        ((BACK,), True),
+        (({},), False),
+        (({}, BACK), True),
+        (({"heading_deg": 90.0},), False),
+        (({"y_m": 0.27, "heading_deg": 45.0}, {"y_m": -0.27, "heading_deg": -45.0}), False),  # not right behind it
+        (({**BACK, "mask": ((-0.4, 0.4),)},), False),
+        (({**BACK, "mask": ((1.2, 1.8),)},), False),
+    ],
+)
+def test_scanners_see_behind_if_they_look_at_all_of_it(mountings: tuple[dict[str, object], ...], sees: bool) -> None:
+    robot, scans = looking(*mountings)
+    assert sees_behind(scans, robot) == sees
+    assert not sees_behind((), robot)
+
+
+def test_where_a_scanner_looks_back_no_ground_behind_has_to_be_known() -> None:
+    robot, scans = looking(BACK)
     goal = Pose(x=2.0, y=1.0)
     back = RouteRequest(floor=floor(), robot=robot, start=Pose(x=3.6, y=1.0), goal=goal, speed=0.5, placed_scans=scans)
-    straight, seen = (plan_route(replace_in(back, known_behind=behind)) for behind in (None, 0.15))
-    assert (straight.values == seen.values) == looks
+    anywhere, seen = (plan_route(replace_in(back, known_behind=behind)) for behind in (None, 0.15))
+    assert anywhere.values == seen.values
+    blind = planned(
+        floor(), back.start, goal, placed_scans=(PlacedScan(1.0, START, scan_with(WALLS, 1.0)),), known_behind=0.15
+    )
+    assert blind.values != seen.values
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.7, 1.3])
+def test_a_scanner_that_looks_all_around_sees_behind_however_it_is_turned(heading: float) -> None:
+    around = np.full(360, 4000, "<u2").tobytes()
+    scan = Scan(source="", time=1.0, start_angle=-math.pi, increment=math.radians(1.0), ranges=around)
+    robot, scans = looking({"heading_deg": heading}, scan=scan)
+    assert sees_behind(scans, robot)
+    known = known_ground(scans, robot, floor())
+    assert known.any()
 
 
 def test_a_search_from_the_goal_drives_backwards_over_unknown_ground_only_as_far_as_allowed(
@@ -377,6 +413,17 @@ def test_what_a_beam_measures_between_two_things_is_nowhere(before: int, after: 
     ranges[250:270], ranges[270], ranges[271:290] = before, 1800, after
     returns = placed_returns(PlacedScan(1.0, Pose(), scan_with(ranges, 1.0)), ROBOT.scanners["front"])
     assert bool((np.abs(returns[:, 0] - 0.56 - 1.8) < 0.01).any()) == counts
+
+
+@pytest.mark.parametrize(("near", "mask"), [(300, ()), (600, ((-1.0, -0.1),))])
+def test_a_mixed_pixel_beside_the_robots_own_parts_or_what_is_too_near_is_nowhere(
+    near: int, mask: tuple[tuple[float, float], ...]
+) -> None:
+    """They count for nothing themselves, but how far they are is known."""
+    ranges, mounting = WALLS.copy(), ROBOT.scanners["front"].model_copy(update={"mask": mask})
+    ranges[268:270], ranges[270] = near, 1800
+    returns = placed_returns(PlacedScan(1.0, Pose(), scan_with(ranges, 1.0)), mounting)
+    assert not (np.abs(returns[:, 0] - 0.56 - 1.8) < 0.01).any()
 
 
 @pytest.mark.parametrize("beside", [0.3, 0.5, 1.0])

@@ -216,6 +216,20 @@ def test_fault_with_nobody_there_ends_the_run_and_says_so_only_after_the_time_of
     assert fault_of(player.tick()) == ("OPR-03", "")
 
 
+@pytest.mark.parametrize(
+    ("state", "final"), [(DriveState.OPERATION_ENABLE, False), (DriveState.QUICK_STOP_ACTIVE, False), (None, True)]
+)
+def test_nobody_who_only_may_come_is_waited_for_under_power_or_for_nothing(
+    state: DriveState | None, final: bool
+) -> None:
+    player = in_fault()
+    player.world.update(attended=False, awaited=True)
+    for _ in range(20):
+        assert player.until(lambda wish: wish.phase == "acknowledge to bring the drives up again").event is None
+    more = {} if state is None else {"drives": drives(state=state)}
+    assert player.tick(verdict=judged("DRV-25", final=final), **more).event is Event.END
+
+
 def test_fault_that_no_operator_can_acknowledge_does_not_miss_one() -> None:
     player = in_fault()
     player.until(lambda wish: wish.phase == "acknowledge to bring the drives up again")
