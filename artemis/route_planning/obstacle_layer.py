@@ -176,12 +176,17 @@ def _reached(scan: Scan, mask: Sequence[tuple[float, float]], bearings: Array) -
 
 def sees_behind(placed_scans: Sequence[PlacedScan], robot: RobotFile) -> bool:
     """Whether the robot's scanners look at all of the ground behind it, whatever they measure there."""
-    outline = robot.outline
+    outline, newest = robot.outline, {each.scan.source: each.scan for each in placed_scans}
     assert outline is not None
+    straight_back = [
+        _reached(scan, (), np.array([math.pi - robot.scanners[name].heading])) for name, scan in newest.items()
+    ]
+    if not any([reached[0] >= 0.0 for reached in straight_back]):
+        return False  # as of most robots: this is asked before each plan
     box = Rectangle(-outline.rear_m, outline.front_m, outline.half_width_m)
     views = {name: View(mounting, box, BEHIND, 0.0) for name, mounting in robot.scanners.items()}
-    for scan in {each.scan.source: each.scan for each in placed_scans}.values():
-        views[scan.source].take(scan, scan.time, 0.0, 0.0, creeping=False)
+    for name, scan in newest.items():
+        views[name].take(scan, scan.time, 0.0, 0.0, creeping=False)
     return looks_back(box, views.values(), BEHIND)
 
 

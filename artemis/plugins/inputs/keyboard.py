@@ -127,7 +127,7 @@ class KeyboardInput:
         self._heard: float | None = None
         self._last_read: float | None = None
         self._steering = 0.0
-        self.live = self._there = context.typed(self._listen)
+        self.live = context.typed(self._listen)
 
     @staticmethod
     def may_share(_one: KeyboardConfig, _other: KeyboardConfig, _files: Mapping[str, bytes]) -> bool:
@@ -140,7 +140,7 @@ class KeyboardInput:
         Raises:
             DeviceLost: there is no terminal, or it was closed.
         """
-        if self._closed or not self._there:
+        if self._closed or not self.live:
             self._keys.release()
             raise DeviceLost(
                 "terminal", "it was closed" if self._closed else "there is no terminal: run artemis in one"
