@@ -17,6 +17,8 @@ Supply = Annotated[float, Quantity(5.0, 100.0, "V")]
 Point = Annotated[tuple[Percent, Supply], Field(strict=False)]  # YAML knows only lists
 HOUR = 3600.0
 """[s]."""
+LEAST = 0.8
+"""Of an empty battery's voltage without load: below it there is nothing to protect any more, under load neither."""
 
 
 class VoltageInput(Config):
@@ -51,7 +53,7 @@ class Battery(Config):
     """Under load (PWR-01): the robot drives slowly."""
     critical_v: Supply
     """Under load (PWR-02): the robot stops."""
-    reserve_percent: Percent = 10.0
+    reserve_percent: Annotated[float, Quantity(0.0, 90.0, "%")] = 10.0
     """Not counted on: what `range_m` and `time_left_s` leave."""
 
     @model_validator(mode="after")
@@ -68,6 +70,14 @@ class Battery(Config):
             problems.append((("curve_v",), "expected pairs from 0 to 100 percent, such as [[0, 23.0], [100, 25.6]]"))
         elif any(less >= more or low >= high for (less, low), (more, high) in pairwise(curve)):
             problems.append((("curve_v",), "expected charges that rise, and voltages that rise with them"))
+        else:
+            empty, full = curve[0][1], curve[-1][1]
+            if self.low_v >= full:
+                text = f"expected less than a full battery has ({full:g} V), found {self.low_v:g} V"
+                problems.append((("low_v",), text))
+            if self.critical_v < LEAST * empty:
+                text = f"expected at least {LEAST * empty:.3g} V, {LEAST:.0%} of what an empty battery has, found "
+                problems.append((("critical_v",), f"{text}{self.critical_v:g} V"))
         if self.critical_v >= self.low_v:
             problems.append(
                 (("critical_v",), f"expected less than low_v ({self.low_v:g} V), found {self.critical_v:g} V")

@@ -108,8 +108,8 @@ class Drive(Config):
     not count), 0x6150 an EPOS4 50/5; of another CiA 402 drive its product code."""
     min_firmware: Unsigned32 | None = None
     """Lowest software version; if left out, the one that the family's tables were made for, of cia402 any."""
-    serial_number: Annotated[int, Field(ge=0, le=0xFFFFFFFFFFFFFFFF)] | None = None
-    """What the drive must be, too; if left out, any."""
+    serial_number: Unsigned32 | None = None
+    """What the drive must be, too: object 0x1018:4, as `artemis devices` shows it; if left out, any."""
     motor: Motor
     sensor: Sensor
     gear_ratio: Annotated[float, Quantity(1.0, 10_000.0, "motor turns per wheel turn")]
@@ -260,7 +260,8 @@ def _option_codes(words: Cia402) -> Iterator[tuple[KeyPath, str]]:
     if words.option_codes.abort_connection == NO_REACTION.value:
         text = "0 is no reaction: without a heartbeat the drive would keep its last set-point"
         yield ("cia402", "option_codes", "abort_connection"), text
-    for key, code in zip(("quick_stop", "fault_reaction"), POWER_CUTS, strict=True):
+    for key, code in zip(("abort_connection", "quick_stop", "fault_reaction"), POWER_CUTS, strict=True):
         if getattr(words.option_codes, key) == code.value and not words.brake:
-            text = "0 cuts the power: the wheel coasts; choose a ramp, or write `brake: true` where a brake then closes"
+            text = f"{code.value} cuts the power: the wheel coasts; choose another reaction, or write `brake: true` "
+            text += "where a brake then closes"
             yield ("cia402", "option_codes", key), text

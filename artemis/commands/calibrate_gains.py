@@ -218,6 +218,9 @@ def _show(loaded: LoadedMission, wanted: Wanted, simulated: bool) -> int:
     differs = False
     for name, found in drives.items():
         family, numbers = loaded.robot.drives[name].tables, loaded.robot.drives[name].gain_numbers
+        if not family.gains:
+            say(f"{name:16}not known of a {family.title}: the maker's own tool shows them")
+            continue
         file = family.told_gains(numbers) if numbers else None
         gains = found if isinstance(found, str) else family.told_gains(found)
         say(f"{name:16}{'robot file':12}{'none' if file is None else _columns(file, width)}")

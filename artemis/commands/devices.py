@@ -219,8 +219,8 @@ def _node(node: NodeReport, bitrate: int) -> str:
         return node.problem
     history = ", ".join(f"0x{code:04X}" for code in node.history) or "none"
     state = node.nmt.name.lower().replace("_", "-") if node.nmt is not None else node.unheard
-    identity = f"vendor {node.vendor:08X}, product {node.product:08X}, revision {node.revision:08X}"
-    told = f"{identity}, serial {node.serial:08X}, type {node.device_type:08X}; {state}; past errors: {history}"
+    identity = f"vendor 0x{node.vendor:08X}, product 0x{node.product:08X}, revision 0x{node.revision:08X}"
+    told = f"{identity}, serial 0x{node.serial:08X}, type 0x{node.device_type:08X}; {state}; past errors: {history}"
     if node.bitrate in (None, bitrate):
         return told
     rate = f"{node.bitrate / 1000:g} kbit/s" if node.bitrate else "whatever bit rate it hears first"

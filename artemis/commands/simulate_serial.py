@@ -42,6 +42,9 @@ def simulate_serial(robot: Path, protocol: str, baud: int, latency: float, seed:
     if problems:
         raise ConfigError(problems)
     described = load_model(robot, RobotFile)
+    name, first = next(iter(described.drives.items()))
+    if problem := first.tables.serial_problem(protocol):
+        raise ConfigError([f"--serial {protocol}: the line leads to {name}, {problem}"])
     machine = load_model(true, PlantParameters) if true is not None else PlantParameters()
     settings = SerialSettings(baud=baud, latency_s=latency)
     clock.run(_serve(described, machine, SerialProtocol(protocol), settings, seed), simulated=False)

@@ -80,4 +80,4 @@ async def check_identity(name: str, drive: Drive, hardware: int, read: Read) -> 
     if drive.serial_number is not None:
         serial = await read(SERIAL_NUMBER)
         if serial != drive.serial_number:
-            raise WrongDevice(name, f"serial number {serial:08X}, expected {drive.serial_number:08X}")
+            raise WrongDevice(name, f"serial number 0x{serial:08X}, expected 0x{drive.serial_number:08X}")

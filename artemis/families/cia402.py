@@ -118,7 +118,8 @@ class OptionCodes(Config):
     """What the drive does by itself. A code that is left out stays; one that lets a wheel go on is refused."""
 
     abort_connection: OptionValue | None = None
-    """0x6007: our heartbeat is lost. Not 0, which is no action; a drive that has 0 in it is refused."""
+    """0x6007: our heartbeat is lost. Not 0, which is no action; 2 only with a `brake`: it cuts the power, and the wheel
+    would coast. A drive that has such a code in it is refused."""
     quick_stop: OptionValue | None = None
     """0x605A: what it does for a quick stop. 0 only with a `brake`: it cuts the power, and the wheel would coast."""
     fault_reaction: OptionValue | None = None
@@ -186,7 +187,7 @@ ERRORS = {
 
 NO_REACTION = Setting(ABORT_CONNECTION, 0)
 """The drive goes on with its last set-point when our heartbeat is lost."""
-POWER_CUTS = (Setting(QUICK_STOP_OPTION, 0), Setting(FAULT_REACTION, 0))
+POWER_CUTS = (Setting(ABORT_CONNECTION, 2), Setting(QUICK_STOP_OPTION, 0), Setting(FAULT_REACTION, 0))
 """The drive cuts its power and the wheel coasts (CiA 402, option codes): without a brake that is no stop."""
 _OPTIONS = (ABORT_CONNECTION, QUICK_STOP_OPTION, FAULT_REACTION)
 _OURS = frozenset(

@@ -257,10 +257,9 @@ class _Loading(SurroundingsChecks):
         if "serial" in words:
             if robot is not None:
                 name, first = next(iter(robot.drives.items()))
-                spoken = first.tables.serial_protocol
-                if words.get("protocol", "epos1") != spoken:
-                    text = f"the line leads to {name}, an {first.family}: write protocol: {spoken}"
-                    self._complain(("bus", "protocol") if "protocol" in words else ("bus",), text)
+                if problem := first.tables.serial_problem(words.get("protocol", "epos1")):
+                    key = ("bus", "protocol") if "protocol" in words else ("bus",)
+                    self._complain(key, f"the line leads to {name}, {problem}")
         elif isinstance(words.get("interface"), str):
             from artemis.devices.can_bus import check_bus_words
 

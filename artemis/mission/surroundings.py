@@ -90,6 +90,13 @@ class SurroundingsChecks(StepChecks):
         for key in self._names(*at):
             if key in ("charger", "capacity_scale", "idle_w") and robot is not None and robot.battery is None:
                 self._complain((*at, key), NO_BATTERY)
+        if robot is None or robot.battery is None:
+            return
+        if unknown := [name for name, d in robot.drives.items() if d.role == "traction" and d.tables.current is None]:
+            self._remarks.append(
+                f"nobody measures the current of {', '.join(unknown)} (`cia402.current`): what they take of the "
+                "battery is told too low, and its range only once the run has shown what is taken"
+            )
 
     def _check_mapping(self, robot: RobotFile | None) -> None:
         """The scanner that makes a map, and the name of its file."""

@@ -22,7 +22,7 @@ from artemis_lab.campaign import shapes
 from artemis_lab.campaign.sceneries import SceneryDice
 from artemis_lab.campaign.trees import ALIGN, ANSWERS, LENGTH, PARTS, TreeDice
 from artemis_lab.injections.stage import Lasting, Needs
-from artemis_lab.injections.table import INJECTIONS
+from artemis_lab.injections.table import INJECTIONS, shows_on
 
 NOT_DRAWN = {
     "SYS-05": "a signal ends the whole process; an operator's `end` is the same path",
@@ -349,7 +349,7 @@ def _nodes(robot: RobotFile, id: str) -> list[str]:
 def _fitting(robot: RobotFile, words: Set[str]) -> list[str]:
     """Injections that can happen to this robot, in a mission with these steps and words."""
     general = [id for id in INJECTIONS if id not in NOT_DRAWN and id not in OF_SCANNERS and _nodes(robot, id)]
-    general = [id for id in general if not ROWS[id].is_missed_by(robot)]
+    general = [id for id in general if shows_on(id, robot)]
     drawn = [id for id in general if not id.startswith("INP") or "teleop" in words]
     return [id for id in drawn if not id.startswith(_PLUGIN) or words & {"follow", "approach"}]
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
+from artemis.supervision.catalogue import ROWS
+from artemis.vehicle import RobotFile
 from artemis_lab.injections.bus import BUS_INJECTIONS
 from artemis_lab.injections.drives import DRIVE_INJECTIONS
 from artemis_lab.injections.host import HOST_INJECTIONS
 from artemis_lab.injections.localizers import LOCALIZER_INJECTIONS
 from artemis_lab.injections.motion import MOTION_INJECTIONS
 from artemis_lab.injections.scanners import SCANNER_INJECTIONS
-from artemis_lab.injections.stage import Injection, Stage, Undo
+from artemis_lab.injections.stage import Injection, Needs, Stage, Undo
 
 INJECTIONS: dict[str, Injection] = dict(
     sorted(
@@ -66,6 +68,11 @@ NOT_INJECTED: dict[str, str] = {
     "OPR-03": "happens by itself when no operator acts",
 }
 """Rows that no injection can make happen, each with the reason."""
+
+
+def shows_on(id: str, robot: RobotFile) -> bool:
+    """Whether a row can be injected there; what happens to no single drive may show as another row, too."""
+    return INJECTIONS[id].needs is Needs.NOTHING or not ROWS[id].is_missed_by(robot)
 
 
 def inject(stage: Stage, id: str, node: str | None = None, **parameters: Any) -> Undo:  # noqa: ANN401 (of any row)

@@ -14,7 +14,7 @@ def test_devices_of_this_computer_and_drives_of_a_mission_are_listed(tmp_path: P
     assert (done.returncode, done.stderr) == (0, "")
     headings = [line for line in done.stdout.splitlines() if not line.startswith(" ")]
     assert headings == ["CAN adapters", "inputs", "drives of ARTEMIS (simulated)"]
-    assert done.stdout.count("vendor 000000FB") == 4
+    assert done.stdout.count("vendor 0x000000FB") == 4
 
 
 def test_a_bus_that_cannot_be_opened_is_a_failure(tmp_path: Path) -> None:

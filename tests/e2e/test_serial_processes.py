@@ -18,7 +18,7 @@ def test_drives_are_asked_and_configured_and_not_driven(tmp_path: Path) -> None:
         mission = write_mission(tmp_path, bus=f"{{serial: {terminal}}}")
         asked = artemis("devices", "--mission", mission)
         assert asked.returncode == 0, asked.stderr
-        assert len(re.findall(r"vendor 000000FB.*serial 0000000[1-4]", asked.stdout)) == 4
+        assert len(re.findall(r"vendor 0x000000FB.*serial 0x0000000[1-4]", asked.stdout)) == 4
         configured = artemis("configure", mission, "--store")
         assert configured.returncode == 0, configured.stdout
         assert configured.stdout.count("configured, each setting read back, stored") == 4

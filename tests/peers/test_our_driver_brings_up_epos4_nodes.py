@@ -231,14 +231,14 @@ def test_a_described_drive_that_does_nothing_without_our_heartbeat_is_refused() 
         await bench.perform(JobKind.SECURE)
         (refused,) = refusals(await bench.perform(JobKind.CONFIGURE))
         assert refused.startswith("configure steer-left: 0x6007:0 is 0 ")
-        node.put(0x6007, 0, 2, 2)
+        node.put(0x6007, 0, 3, 2)
         assert not refusals(await bench.perform(JobKind.SECURE, JobKind.CONFIGURE))
 
     on_virtual_time(main())
 
 
-@pytest.mark.parametrize(("index", "good"), [(0x605A, 6), (0x605E, 2)])
-def test_a_described_drive_whose_wheel_would_coast_needs_a_brake(index: int, good: int) -> None:
+@pytest.mark.parametrize(("index", "cut", "good"), [(0x6007, 2, 3), (0x605A, 0, 6), (0x605E, 0, 2)])
+def test_a_described_drive_whose_wheel_would_coast_needs_a_brake(index: int, cut: int, good: int) -> None:
     without, with_brake = (described("steer-left", option_codes={}, brake=brake) for brake in (False, True))
 
     async def main() -> None:
@@ -248,16 +248,16 @@ def test_a_described_drive_whose_wheel_would_coast_needs_a_brake(index: int, goo
         codes = node.object_dictionary[index]
         assert isinstance(codes, ODVariable)
         codes.min = None
-        node.put(index, 0, 0, 2)
+        node.put(index, 0, cut, 2)
         await bench.perform(JobKind.SECURE)
         (refused,) = refusals(await bench.perform(JobKind.CONFIGURE))
-        told = f"configure steer-left: 0x{index:04X}:0 is 0 (cuts the power: without a brake the wheel coasts)"
+        told = f"configure steer-left: 0x{index:04X}:0 is {cut} (cuts the power: without a brake the wheel coasts)"
         assert refused == told
         node.put(index, 0, good, 2)
         assert not refusals(await bench.perform(JobKind.SECURE, JobKind.CONFIGURE))
 
     on_virtual_time(main())
-    options = {"quick_stop": 0, "fault_reaction": 0}
+    options = {"abort_connection": 2, "quick_stop": 0, "fault_reaction": 0}
     assert not list(drive_problems(described("steer-left", option_codes=options, brake=True)))
     forbidden = {setting.object.index for (setting, _) in with_brake.tables.forbidden}
     assert forbidden == {0x6007}
@@ -284,6 +284,11 @@ SETTING = {"index": 0x2200, "subindex": 0, "type": "u8", "value": 1}
         ({"settings": [{**SETTING, "index": 0x6040}]}, ("settings", 0), "0x6040:0 is written by artemis"),
         ({"settings": [{**SETTING, "value": 256}]}, ("settings", 0, "value"), "256 is no u8"),
         ({"option_codes": {"abort_connection": 0}}, ("option_codes", "abort_connection"), "0 is no reaction"),
+        (
+            {"option_codes": {"abort_connection": 2}},
+            ("option_codes", "abort_connection"),
+            "2 cuts the power: the wheel",
+        ),
         ({"option_codes": {"quick_stop": 0}}, ("option_codes", "quick_stop"), "0 cuts the power: the wheel coasts"),
         ({"option_codes": {"fault_reaction": 0}}, ("option_codes", "fault_reaction"), "0 cuts the power: the wheel"),
         (

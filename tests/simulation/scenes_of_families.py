@@ -17,10 +17,10 @@ from artemis.sim.cia402 import ERRORS_402
 from artemis.sim.epos2 import ERRORS_2
 from artemis.sim.epos4_errors import ERRORS_4
 from artemis.sim.epos_errors import EposError, Reaction
-from artemis.supervision.catalogue import ROWS
 from artemis.values import Severity
 from artemis_lab.injections.drives import UNKNOWN
 from artemis_lab.injections.emergencies import CODES
+from artemis_lab.injections.table import shows_on
 
 LEFT = TRACTION[0]
 BOOT_4 = 0.2
@@ -73,7 +73,7 @@ class Machine:
     def of_others(self) -> Iterator[tuple[str, Scene]]:
         """Faults of the bus, of motion and of the host."""
         for id, scene in scenes({**BUS_SCENES, **MOTION_SCENES, **HOST_SCENES}):
-            if scene.robot is None and not ROWS[id].is_missed_by(robot_named(self.robot)):
+            if scene.robot is None and shows_on(id, robot_named(self.robot)):
                 changed = self.changed[id](scene) if id in self.changed else scene
                 if changed is not None:
                     yield id, self.on(changed)

@@ -178,7 +178,7 @@ FORGETFUL = {"settings": None, "reset_after_lost_heartbeat": True}
     [
         (
             {"option_codes": {"abort_connection": 3, "quick_stop": 2}, "settings": None, "operating_mode": 9},
-            {"option_codes": {"abort_connection": 2, "quick_stop": 1}, **FORGETFUL},
+            {"option_codes": {"abort_connection": 2, "quick_stop": 1}, "brake": True, **FORGETFUL},
         ),
         (
             {"option_codes": None, "settings": None},

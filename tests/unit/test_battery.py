@@ -16,6 +16,7 @@ from pydantic import ValidationError
 
 from artemis.battery import HOUR, Battery, BatteryState
 from artemis.config import Inconsistent
+from artemis.mission.loading import load_mission
 from artemis.motion.charge import ChargeEstimate
 from artemis.supervision.supply import SupplyMeasures
 from artemis.values import DriveFeedback, Sensed
@@ -39,6 +40,8 @@ def battery(**changes: Any) -> Battery:  # noqa: ANN401 (as a file writes them)
         ({"curve_v": [[0, 21.5], [50, 25.0], [100, 25.0]]}, "curve_v: expected charges that rise, and voltages"),
         ({"curve_v": [[0, 21.5], [0, 22.0], [100, 25.0]]}, "curve_v: expected charges that rise, and voltages"),
         ({"critical_v": 23.0}, "critical_v: expected less than low_v (22.3 V), found 23 V"),
+        ({"low_v": 25.6}, "low_v: expected less than a full battery has (25.6 V), found 25.6 V"),
+        ({"critical_v": 17.1}, "critical_v: expected at least 17.2 V, 80% of what an empty battery has, found 17.1 V"),
     ],
 )
 def test_what_cannot_be_a_battery_is_refused(changes: dict[str, Any], words: str) -> None:
@@ -47,6 +50,18 @@ def test_what_cannot_be_a_battery_is_refused(changes: dict[str, Any], words: str
     problem = refused.value.errors()[0]["ctx"]["error"]
     assert isinstance(problem, Inconsistent)
     assert str(problem).startswith(words)
+
+
+def test_a_battery_is_told_when_nobody_measures_what_the_wheels_take(tmp_path: Path) -> None:
+    words = yaml.safe_load(FILE.with_name("artemis_cia402.yaml").read_text())
+    words["battery"] = {**BATTERY, "measured": None}
+    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(words))
+    (tmp_path / "m.yaml").write_text("{mission: m, robot: robot.yaml, bus: simulation, steps: [{wait: {seconds: 1}}]}")
+    assert load_mission(tmp_path / "m.yaml").remarks == ()
+    del words["drives"]["traction-left"]["cia402"]["current"]
+    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(words))
+    (remark,) = load_mission(tmp_path / "m.yaml").remarks
+    assert remark.startswith("nobody measures the current of traction-left, traction-right (`cia402.current`): what ")
 
 
 def test_voltage_and_charge_are_each_others_inverse() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -148,6 +149,15 @@ def test_shows_what_differs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert lines[2].split() == ["traction-left", "robot", "file", "400,120", "1200,180", "150,10,200"]
     assert lines[3].split() == ["drive", "400,120", "400,120", "*", "150,10,200"]
     assert lines[-1].startswith("* differs")
+
+
+def test_gains_that_are_not_known_are_shown_as_such(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = mission(tmp_path)
+    shutil.copy(ROBOT.with_name("artemis_cia402.yaml"), tmp_path / "robots")
+    path.write_bytes(path.read_bytes().replace(b"robots/artemis.yaml", b"robots/artemis_cia402.yaml"))
+    assert calibrate_gains(path, Wanted(gains={})) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[2] == "traction-left   not known of a CiA 402 drive: the maker's own tool shows them"
 
 
 def test_repetitions_are_steps_of_one_run() -> None:

@@ -163,8 +163,8 @@ def test_the_simulated_drives_of_a_mission_answer(capsys: pytest.CaptureFixture[
     lines = capsys.readouterr().out.splitlines()
     assert lines[-5] == "drives of ARTEMIS (simulated)"
     assert lines[-2] == (
-        "  steer-left      node   3  vendor 000000FB, product 60100000, revision 20330000, serial 00000003, "
-        "type 00020192; pre-operational; past errors: none"
+        "  steer-left      node   3  vendor 0x000000FB, product 0x60100000, revision 0x20330000, serial 0x00000003, "
+        "type 0x00020192; pre-operational; past errors: none"
     )
 
 

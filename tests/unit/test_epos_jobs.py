@@ -224,7 +224,7 @@ def test_drive_that_restarts_while_it_is_configured_has_to_be_secured_again() ->
 WRONG: list[tuple[dict[str, object], SimSettings | None, str]] = [
     ({"hardware_version": 0x6010}, None, r"node 1 is hardware 0x6210, expected 0x6010"),
     ({}, SimSettings(firmware=0x2031), r"firmware 0x2031 is older than 0x2032"),
-    ({"serial_number": 0x12345678}, None, r"serial number 00000001, expected 12345678"),
+    ({"serial_number": 0x12345678}, None, r"serial number 0x00000001, expected 0x12345678"),
 ]
 
 

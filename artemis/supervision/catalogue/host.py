@@ -11,6 +11,7 @@ from artemis.supervision.catalogue.row import (
     WARN,
     Found,
     K,
+    Requirement,
     Row,
     Threshold,
     X,
@@ -19,7 +20,7 @@ from artemis.supervision.catalogue.row import (
 
 _TEN = 10 * MINUTE
 _LOADING, _EDGE, _DESIGN, _ABSENT = Found.LOADING, Found.EDGE, Found.DESIGN, Found.ABSENT
-_BATTERY, _INPUT = "needs `battery` in the robot file, and a voltage that is measured", "needs an input pair"
+_INPUT = "needs an input pair"
 _HOST_DEAD = ("DRV-20", "DRV-38")
 
 HOST: dict[str, Row] = {
@@ -203,7 +204,7 @@ HOST: dict[str, Row] = {
         within=8.0,
         of="V below `low_v`, mean of 2 s",
         stages=(Threshold(LIMIT, 0.0, 2.0),),
-        reason=_BATTERY,
+        needs=Requirement.VOLTAGE,
     ),
     "PWR-02": Row(
         "battery critical",
@@ -217,7 +218,7 @@ HOST: dict[str, Row] = {
         of="V below `critical_v`",
         stages=(Threshold(S2, 0.0, 1.0),),
         shows_as=("DRV-04", "EST-01"),
-        reason=_BATTERY,
+        needs=Requirement.VOLTAGE,
     ),
     "PWR-03": Row(
         "voltage sags",
@@ -229,7 +230,7 @@ HOST: dict[str, Row] = {
         within=0.24,
         of="share below the mean of 10 s",
         stages=(Threshold(WARN, 0.15, 0.2),),
-        reason=_BATTERY,
+        needs=Requirement.VOLTAGE,
     ),
     "EST-01": Row(
         "emergency stop",

@@ -172,6 +172,7 @@ MOTION: dict[str, Row] = {
         of="current as part of output_current_ma",
         stages=(Threshold(S1, 0.9, 0.28),),
         shows_as=("DRV-25",),
+        needs=Requirement.STEERING_CURRENT,
     ),
     "STE-03": Row(
         "potentiometers disagree",

@@ -98,6 +98,9 @@ class Requirement(Enum):
     KEPT_CALIBRATION = "potentiometers of the steering, and drives that can keep their calibration"
     ANGLE_SENSORS = "potentiometers or absolute encoders of the steering"
     SEARCH = "a steering whose angle no potentiometers measure"
+    STEERING_CURRENT = "steering drives whose motor current is measured"
+    VOLTAGE = "a `battery` in the robot file, and a drive that measures its voltage"
+    SCANNER = "a laser scanner"
 
 
 class Row(NamedTuple):
@@ -142,4 +145,10 @@ class Row(NamedTuple):
                 return not isinstance(robot.angle_source("left"), Potentiometers | AbsoluteEncoder)
             case Requirement.SEARCH:
                 return robot.has_potentiometers
+            case Requirement.STEERING_CURRENT:
+                return all(drive.tables.current is None for drive in robot.drives.values() if drive.role == "steering")
+            case Requirement.VOLTAGE:
+                return robot.battery is None or robot.supply_source is None
+            case Requirement.SCANNER:
+                return not robot.scanners
         return False

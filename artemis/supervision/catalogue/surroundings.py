@@ -2,7 +2,19 @@
 
 from __future__ import annotations
 
-from artemis.supervision.catalogue.row import ITSELF, LIMIT, MINUTE, S2, WARN, Found, K, Row, Threshold, automatic
+from artemis.supervision.catalogue.row import (
+    ITSELF,
+    LIMIT,
+    MINUTE,
+    S2,
+    WARN,
+    Found,
+    K,
+    Requirement,
+    Row,
+    Threshold,
+    automatic,
+)
 
 _TEN = 10 * MINUTE
 _LOADING = Found.LOADING
@@ -18,6 +30,7 @@ SURROUNDINGS: dict[str, Row] = {
         within=0.19,
         of="seconds that its next scan is overdue after 0.17 s or 2.5 of its periods; and where its connection fails",
         stages=(Threshold(S2),),
+        needs=Requirement.SCANNER,
     ),
     "LAS-02": Row(
         "scanner frozen",
@@ -30,6 +43,7 @@ SURROUNDINGS: dict[str, Row] = {
         of="a scan that came before, or five that are equal",
         stages=(Threshold(S2),),
         shows_as=("LAS-01",),
+        needs=Requirement.SCANNER,
     ),
     "LAS-03": Row(
         "telegrams damaged or lost",
@@ -42,6 +56,7 @@ SURROUNDINGS: dict[str, Row] = {
         of="damaged or lost ones of the last ten",
         stages=(Threshold(WARN), Threshold(S2, 5.0)),
         shows_as=("LAS-01",),
+        needs=Requirement.SCANNER,
     ),
     "LAS-04": Row(
         "split telegrams",
@@ -59,6 +74,7 @@ SURROUNDINGS: dict[str, Row] = {
         within=0.2,
         of="what it says of itself: 1 its window gets dirty, 2 an error; and where it refuses its configuration",
         stages=(Threshold(LIMIT), Threshold(S2, 1.0)),
+        needs=Requirement.SCANNER,
     ),
     "LAS-06": Row(
         "scanner sees nothing",
@@ -70,6 +86,7 @@ SURROUNDINGS: dict[str, Row] = {
         within=1.04,
         of="more than 80 % of the beams lose their return, or 20 neighbours that had one nearer than 3 m",
         stages=(Threshold(LIMIT, 0.0, 0.1), Threshold(S2, 0.0, 1.0)),
+        needs=Requirement.SCANNER,
     ),
     "LAS-07": Row(
         "scanner late",
@@ -82,6 +99,7 @@ SURROUNDINGS: dict[str, Row] = {
         of="seconds that a scan came too late",
         stages=(Threshold(WARN, 0.05, 1.0), Threshold(S2, 0.15, 0.1)),
         shows_as=("LAS-01",),
+        needs=Requirement.SCANNER,
     ),
     "LAS-08": Row(
         "obstacle",
@@ -91,6 +109,7 @@ SURROUNDINGS: dict[str, Row] = {
         "stands for an obstacle",
         "remove it, or drive around it by hand; it drives on once the path has been free for a second",
         within=0.06,
+        needs=Requirement.SCANNER,
     ),
     "LOC-01": Row(
         "pose stale",
