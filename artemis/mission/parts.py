@@ -12,7 +12,7 @@ from artemis.mission.problems import closest, nearest
 from artemis.states.outline import steps_in
 from artemis.yaml_file import Document, KeyPath, Position
 
-_ARGUMENT = re.compile(r"\$(?:\{(\w+)\}|(\w+))")
+_ARGUMENT = re.compile(r"\$(?:\{([^\W\d]\w*)\}|([^\W\d]\w*))")
 MAX_STEPS = 20_000
 """Of a mission, parts put in."""
 MAX_CALLS = 20

@@ -5,9 +5,10 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Collection, Iterator, Mapping
-from typing import Any, get_args
+from typing import Any, cast, get_args
 
 from pydantic import BaseModel, ValidationError
+from pydantic.json_schema import SkipJsonSchema
 from pydantic_core import ErrorDetails
 
 from artemis.config import Inconsistent
@@ -21,6 +22,7 @@ UNKNOWN_KEY = "unknown key"
 NO_ELSE = f"{UNKNOWN_KEY}; write {LAST_BRANCH}"
 _MAX_NAMED = 12
 
+_INNER = cast(type, SkipJsonSchema)  # marks a field that is no key of a file
 _REPLACED = {
     "discharge_v_per_h": "the battery is discharged by what the robot takes; to see that, drive longer, or describe a "
     "small battery in the robot file: robots/artemis_small_battery.yaml",
@@ -140,7 +142,8 @@ def _words(detail: ErrorDetails, model: type[BaseModel], path: KeyPath, beside: 
         return _missing(found, model, path)
     if kind == "extra_forbidden":
         fields = [field for around in _models_around(model, path) for field in around.model_fields.items()]
-        known = [*beside, *(field.alias or name for name, field in fields)]
+        own = [(name, field) for name, field in fields if not any(isinstance(it, _INNER) for it in field.metadata)]
+        known = [*beside, *(field.alias or name for name, field in own)]
         if "catch" in known and path[-1] == "on":
             why = "readers of YAML 1.1 take the key `on` for true: no key is called so"
             return f"{UNKNOWN_KEY}; did you mean catch? ({why})"

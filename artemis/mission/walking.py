@@ -44,6 +44,8 @@ class MissionWalk:
         self.signals: dict[str, Value] = {"run_s": 0.0, "driven_m": 0.0}
         self.places = [dotted(found.steps[0][0])] if self.tree.is_list else []
         self.told: list[MissionEvent] = []
+        self.beside: list[int] = []
+        """Numbers of the steps that run beside the present one."""
         self.tick(dt=0.0)
 
     @property
@@ -77,9 +79,16 @@ class MissionWalk:
         return (self.position.ended or DONE) if self.is_over else ""
 
     def tick(
-        self, outcome: str = "", *, dt: float = DT, fault: str = "", answer: str = "", pressed: Sequence[str] = ()
+        self,
+        outcome: str = "",
+        *,
+        dt: float = DT,
+        fault: str = "",
+        answer: str = "",
+        pressed: Sequence[str] = (),
+        of: int | None = None,
     ) -> None:
-        """One tick: what happened to the present step, and which signals are true in it.
+        """One tick: what happened to the present step, or to that `of` a number beside it; signals that are true in it.
 
         The robot stands; a step that calibrates is finished before anything else is begun, as on the robot.
         """
@@ -94,12 +103,16 @@ class MissionWalk:
             dt=dt,
             standing=bool(fault) or self.is_over or self.found.steps[position.step][1].calibrate is None,
             done=position.done + dt if waits else None,
-            outcome=outcome,
+            outcome=outcome if of is None else "",
             answers=(answer,) if answer else (),
-            acted={ANY_BEHAVIOUR: Acted(step=ANY_BEHAVIOUR, signals=told)} if told else {},
+            acted={
+                **({ANY_BEHAVIOUR: Acted(step=ANY_BEHAVIOUR, signals=told)} if told else {}),
+                **({of: Acted(step=of, outcome=outcome)} if of is not None else {}),
+            },
         )
         advanced = advance(self.tree, self.found.passive, position, facts)
         self.position = advanced.position
+        self.beside = list(advanced.beside)
         self.told += advanced.events
         self.places += advanced.entered
 
@@ -109,9 +122,10 @@ def walk(mission: str | FilePath | LoadedMission, *happenings: Happening) -> Mis
 
     Args:
         mission: Its file, or the loaded mission.
-        happenings: A text is how the present step ends (`done`, `timeout`, an outcome of its own), an answer to its
-            question, or a fault (`fault:DRV-25`; `lost` for one that lost the path). A number is so many seconds that
-            pass. A mapping changes signals: `{"battery_v": 22.0}`; one that is true is so for one tick, as a button is.
+        happenings: A text is how the present step ends (`done`, `timeout`, an outcome of its own), or else a behaviour
+            beside it; an answer to its question; or a fault (`fault:DRV-25`; `lost` for one that lost the path). A
+            number is so many seconds that pass. A mapping changes signals: `{"battery_v": 22.0}`; one that is true is
+            so for one tick, as a button is.
 
     Raises:
         ConfigError: the mission is wrong; or something cannot happen where it is.
@@ -170,6 +184,8 @@ def _end_step(made: MissionWalk, outcome: str) -> None:
         made.tick(dt=limit - made.position.done)
     elif outcome in ends and not (passive is not None and passive.answers):
         made.tick(outcome)
+    elif beside := [n for n in made.beside if outcome in made.found.outcomes[n] and made.found.passive[n] is None]:
+        made.tick(outcome, of=beside[0])
     else:
         raise _impossible(made, outcome)
 
@@ -181,5 +197,7 @@ def _impossible(made: MissionWalk, outcome: str) -> ConfigError:
     if kind == FAULT and id:
         return ConfigError(f"no fault {id!r} in the fault table; {similar(id, list(ROWS)).partition(',')[0]}")
     answers = passive.answers if passive is not None else ()
-    names = [*answers, *sorted(made.found.outcomes[number] - ({DONE} if answers else set())), f"{FAULT}:ID"]
+    ends = made.found.outcomes[number] - ({DONE} if answers else set())
+    beside = [made.found.outcomes[n] for n in made.beside if made.found.passive[n] is None]
+    names = [*answers, *sorted(ends.union(*beside)), f"{FAULT}:ID"]
     return ConfigError(f"the step '{made.at}' does not end so; {similar(outcome, names)}")

@@ -12,7 +12,7 @@ from artemis.progress import DONE, OWN_STEPS
 from artemis.states.condition import SignalKind
 from artemis.states.outcomes import StepFacts, outcomes_of
 from artemis.states.outline import Path, keys_of, parts_of, step_of, steps_in
-from artemis.states.tree import ANY, FAULT, LOST, RESTART, RESUME
+from artemis.states.tree import ANY, FAULT, LOST, RESTART, RESUME, is_fault
 from artemis.supervision.catalogue import ROWS
 from artemis.yaml_file import dotted
 
@@ -100,7 +100,7 @@ class WordChecks:
 
     def _check_repeat(self, path: Path, keys: Mapping[str, Any]) -> None:
         ends = self.order.ends.get((*path, "steps"), {})
-        if keys.get("steps") and TIME not in ends.get(DONE, (TIME,)):
+        if isinstance(keys.get("steps"), list | tuple) and TIME not in ends.get(DONE, (TIME,)):
             self.problems.append(
                 (path, f"no time passes in it on some way through: add a step that takes time, or {LAST_BRANCH}")
             )
@@ -112,11 +112,7 @@ class WordChecks:
         ends = self.order.ends.get((*path, "steps"), {})
         possible = {name for name in ends if name not in (DONE, FAULT) and not name.startswith("!")}
         self._tries[*path, "steps"] = keys
-        named: list[tuple[Path, Any]] = [
-            *((("again_on", index), name) for index, name in enumerate(parts_of(keys.get("again_on")))),
-            *((("catch", name), name) for name in keys_of(keys.get("catch"))),
-        ]
-        for key, name in named:
+        for key, name in _named(keys):
             kind, _, id = f"{name}".partition(":")
             if kind == FAULT and id and id not in ROWS:
                 self.problems.append(((*path, *key), f"no fault {id}{nearest(id, list(ROWS), 'faults')}"))
@@ -170,8 +166,20 @@ class WordChecks:
 
     def _check_beside(self, path: Path, beside: Any) -> None:  # noqa: ANN401 (of a file)
         self._left.append((*path, "beside"))
-        for inner, word, _ in steps_in(beside, (*path, "beside")):
+        for inner, word, body in steps_in(beside, (*path, "beside")):
             if self.facts.moves(word):
                 self.problems.append((inner, "moves the robot: steps beside others must not"))
             if word == "ask":
                 self.problems.append((inner, "asks: a step beside others must not"))
+            if word == "try":
+                named = _named(keys_of(body))
+                never = "a fault ends no step beside others: only the present one"
+                self.problems += [((*inner, *key), never) for key, name in named if is_fault(f"{name}")]
+
+
+def _named(keys: Mapping[str, Any]) -> list[tuple[Path, Any]]:
+    """The outcomes that a `try` names, by the paths of the names within it."""
+    return [
+        *((("again_on", index), name) for index, name in enumerate(parts_of(keys.get("again_on")))),
+        *((("catch", name), name) for name in keys_of(keys.get("catch"))),
+    ]

@@ -143,7 +143,7 @@ class MissionPart(Config):
 
     file: FileName | None = None
     """Instead of the other keys: a file that has these, for several missions."""
-    takes: dict[Annotated[str, Field(pattern=r"^\w+$")], Any] = Field(default_factory=dict)
+    takes: dict[Annotated[str, Field(pattern=r"^[^\W\d]\w*$")], Any] = Field(default_factory=dict)
     """Arguments with their defaults; nothing: it has to be given."""
     steps: Annotated[list[dict[str, Any]], Field(min_length=1)] | None = None
     """As in a mission, with `$name` for the argument `name`."""

@@ -22,10 +22,12 @@ class Ending:
                 self._tell(*_words(tick.cause))
         if tick.wish.failed and tick.wish.fault is not None:
             self._tell(_named(tick.wish.fault))
+        elif tick.wish.failed and not self._told and not tick.position.ended:
+            self._tell(tick.wish.phase)  # no operator
 
     @property
     def reason(self) -> str:
-        """What ends it, in the order in which it came; empty: neither a fault nor a request."""
+        """What ends it, in the order in which it came; empty: its mission does."""
         return ", then ".join(", ".join(together) for together in self._told)
 
     def _tell(self, *words: str) -> None:

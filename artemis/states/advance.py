@@ -289,8 +289,7 @@ class _Advance:
             if outcome in ("", DONE) or outcome.startswith("!"):
                 return Place((attempt, branch), (inner,)), outcome
             names, inner = node.names(outcome), Place()
-            again = not outcome.startswith(FAULT) if node.again_on is None else any(n in node.again_on for n in names)
-            if again and attempt < node.retries:
+            if node.tries_again(outcome) and attempt < node.retries:
                 attempt, branch = attempt + 1, 0 if node.between is not None else -1
                 self._tell("retry", node.path, f"{attempt} of {node.retries} after {outcome}")
                 continue
@@ -363,7 +362,7 @@ class _Advance:
         self._rests = self._rests or bool(bad)
         places[0], outcome = self._run(node.steps, places[0])
         if outcome:
-            self._running = running_before
+            self._running, outcome = running_before, bad or outcome  # it came first
         return Place((*running, *([bad] if bad else [])), tuple(places)), outcome
 
 

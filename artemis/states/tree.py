@@ -75,6 +75,13 @@ class Try(Struct, frozen=True, kw_only=True):
         """What it may call an outcome by; see `names_in`."""
         return names_in(outcome, self.keys)
 
+    def tries_again(self, outcome: str) -> bool:
+        """Whether its steps begin anew after it, while retries are left: after a fault only where a name means it."""
+        if self.again_on is None:
+            return not is_fault(outcome)
+        names = fault_names(outcome.partition(":")[2]) if is_fault(outcome) else (outcome, ANY)
+        return any(name in self.again_on for name in names)
+
 
 class Watch(Struct, frozen=True, kw_only=True):
     """What is done when a condition becomes true, and what then."""

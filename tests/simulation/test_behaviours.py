@@ -18,12 +18,15 @@ from typer.testing import CliRunner
 from artemis.cli import app
 from artemis.config import Config
 from artemis.drive_states import DriveState
+from artemis.errors import ConfigError
 from artemis.mission.loading import load_mission
+from artemis.mission.random_walks import never_reached
 from artemis.planning import core_from
 from artemis.plugins import registry
 from artemis.plugins.contracts import Acting, PluginContext, State
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.replay import replay
+from artemis.testing import walk
 from artemis.values import DriveCommand, Mode, Request, Severity, Snapshot, Tick
 
 pytestmark = pytest.mark.short_alignment
@@ -290,6 +293,26 @@ def test_one_beside_that_calls_out_brings_the_robot_to_rest(tmp_path: Path) -> N
     assert 0.3 < seen.world.pose.x < 1.4
     assert standing(seen.world.truth)
     assert_replays(seen)
+
+
+def test_one_beside_that_calls_out_while_the_wheels_are_aligned_is_heard_though_that_is_finished_first(
+    tmp_path: Path,
+) -> None:
+    word = {"together": {"steps": [CALIBRATE], "beside": [{"counting": {"upto": 20}}]}}
+    caught = {"try": {"steps": [word, {"weave": {}}], "catch": {"full": [{"say": "full"}]}}}
+    seen = Rig(write_mission(tmp_path, [caught])).run()
+    assert (seen.status, events(seen)) == (0, ["ended full", "ended done", "caught full", "said full"])
+    assert not seen.in_mode(Mode.ACT)
+    assert_replays(seen)
+
+
+def test_a_walk_ends_one_beside_with_its_own_outcome(tmp_path: Path) -> None:
+    mission = load_mission(write_mission(tmp_path, together(120)))
+    made = walk(mission, "done", "full")
+    assert (made.events[-3:], made.ended) == (["ended full", "caught full", "said full"], "done")
+    assert never_reached(mission, walks=200) == []
+    with pytest.raises(ConfigError, match="the step 'weave' does not end so; nearest is 'full'"):
+        walk(mission, "done", "ful")
 
 
 def test_one_beside_goes_on_from_its_count_in_another_run(tmp_path: Path) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from core_builders import snapshot
+from msgspec.structs import replace
 
+from artemis.progress import Position
 from artemis.recording.ending import Ending
 from artemis.supervision import catalogue
 from artemis.values import Cause, Event, Fault, Mode, Request, SetPoints, Snapshot, Tick, Wish
@@ -45,6 +47,16 @@ def test_what_was_recovered_from_ended_nothing() -> None:
     again = Mode.INIT, Cause(event=Event.ACKNOWLEDGED), None
     assert told(fault, again, (Mode.END, END, None)) == ""
     assert told(fault, again, (Mode.END, Cause(event=Event.END, request=Request.END), None)) == "end requested"
+
+
+def test_a_run_without_an_operator_says_what_it_needed_one_for() -> None:
+    ending, wish = Ending(), Wish(failed=True, phase="no operator can answer: which? (1 left, 2 right)")
+    tick = Tick(snapshot=snapshot(), mode=Mode.READY, cause=None, wish=wish, set_points=SetPoints())
+    ending.see(tick)
+    assert ending.reason == wish.phase
+    ended = Ending()
+    ended.see(replace(tick, position=Position(ended="timeout")))
+    assert ended.reason == "", "the mission's own words follow"
 
 
 def test_a_drive_that_does_not_end_normally_is_the_reason() -> None:

@@ -198,12 +198,30 @@ def test_faults_are_tried_again_only_where_again_on_names_them() -> None:
         (["fault:DRV-25", "lost"], "PTH-06", "catch.any.0.wait"),
         (["fault:DRV-25", "lost"], "COM-03", "steps.0.follow"),
         (["fault"], "COM-03", "catch.any.0.wait"),
+        (["any", "lost"], "COM-03", "steps.0.follow"),
     ],
 )
 def test_any_is_the_rest_of_the_outcomes_that_the_same_try_names(again_on: list[str], fault: str, present: str) -> None:
     walk = Walker({"try": {"retries": 1, "again_on": again_on, "steps": [FOLLOW], "catch": {"any": [WAIT]}}})
     assert walk.tick(fault=fault).endswith("steps.0.follow")
     assert walk.tick(fault=fault).endswith(present)
+
+
+def test_any_tries_no_fault_again_that_only_catch_names() -> None:
+    steps = {"retries": 1, "again_on": ["any"], "steps": [FOLLOW]}
+    walk = Walker({"try": {**steps, "catch": {"fault": [WAIT]}}})
+    assert walk.tick(fault="DRV-25").endswith("catch.fault.0.wait")
+    walk = Walker({"try": {**steps, "catch": {"blocked": [WAIT]}}})
+    assert walk.tick("blocked").endswith("steps.0.follow")
+    assert walk.tick("blocked").endswith("catch.blocked.0.wait")
+
+
+@pytest.mark.parametrize("name", ["faulty", "fault-free", "lost-again"])
+def test_an_outcome_that_sounds_like_a_fault_is_none(name: str) -> None:
+    during = {"during": {"steps": [FOLLOW], "when": [{"if": "run_s > 1", "then": name}]}}
+    walk = Walker({"try": {"retries": 1, "steps": [during], "catch": {name: [WAIT]}}})
+    assert walk.tick(run_s=2.0).endswith("follow")
+    assert f"retry 1 of 1 after {name}" in walk.told()
 
 
 def test_any_does_not_take_a_fault_that_only_a_try_around_names() -> None:
@@ -407,6 +425,25 @@ def test_a_bad_outcome_beside_ends_all_once_the_robot_stands() -> None:
     assert walk.rests
     assert walk.tick(dt=1.0, standing=False).endswith("follow")
     assert walk.tick(standing=True).endswith("catch.timeout.0.calibrate")
+
+
+@pytest.mark.parametrize("outcome", ["done", "fault:DRV-25"])
+def test_a_bad_outcome_beside_is_not_lost_when_the_steps_end_while_the_robot_comes_to_rest(outcome: str) -> None:
+    beside = [{"wait": {"for": "run_s > 100", "at_most_s": 1.0}}]
+    together = {"together": {"steps": [CALIBRATE], "beside": beside}}
+    caught = {"timeout": [ASK], "fault": [WAIT]}
+    walk = Walker({"try": {"steps": [together], "catch": caught}}, FOLLOW)
+    assert walk.tick(dt=1.0, standing=False).endswith("calibrate")
+    fault = outcome.partition(":")[2]
+    assert walk.tick("" if fault else outcome, fault=fault, standing=False).endswith("catch.timeout.0.ask")
+
+
+def test_an_end_beside_is_not_lost_when_the_steps_end_while_the_robot_comes_to_rest() -> None:
+    end = {"during": {"steps": [WAIT], "when": [{"if": "run_s > 1", "steps": [{"end": {"outcome": "failed"}}]}]}}
+    walk = Walker({"together": {"steps": [CALIBRATE], "beside": [end]}}, FOLLOW)
+    walk.tick(run_s=2.0, standing=False)
+    assert walk.tick("done", standing=False) == "over"
+    assert walk.position.ended == "failed"
 
 
 # ---------------------------------------------------------------------------------------------- the position

@@ -95,6 +95,10 @@ CHOICE: Any = {"choose": [{"if": "run_s > 1", "steps": [ALIGN]}, {"steps": [WAIT
             [{"try": {"steps": [SNIFF, ALIGN], "retries": 1, "again_on": ["fault"], "between": [DRIVE]}}],
             "calibrate may be",
         ),
+        (
+            [{"try": {"steps": [WAIT, ALIGN], "retries": 1, "again_on": ["any"], "between": [DRIVE]}}],
+            "calibrate may be left before",
+        ),
         ([{"during": {"steps": [ALIGN], "at_most_s": 9}}, DRIVE], ""),
         (
             [{"during": {"steps": [ASK], "when": [{"if": "run_s > 1", "steps": [ALIGN]}]}}, DRIVE],

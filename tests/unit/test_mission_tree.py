@@ -29,6 +29,10 @@ NO_TIME = "no time passes in it on some way through: add a step that takes time,
     [
         ([ENDLESS, WAIT], "steps[1].wait: is never reached"),
         ([{"together": {"steps": [WAIT], "beside": [ASK]}}], "steps[0].together.beside[0].ask: asks"),
+        (
+            [{"together": {"steps": [FOLLOW], "beside": [{"try": {"steps": [WAIT], "catch": {"fault": [WAIT]}}}]}}],
+            "steps[0].together.beside[0].try.catch.fault: a fault ends no step beside others: only the present one",
+        ),
         ([{"end": {}}, WAIT], "steps[1].wait: is never reached"),
         ([{"try": {"steps": [{"end": {}}, FOLLOW], "retries": 1}}], "steps[0].try.steps[1].follow: is never reached"),
         ([{"repeat": {"times": 3, "steps": [SAY]}}], f"steps[0].repeat: {NO_TIME}"),
@@ -284,12 +288,12 @@ def test_arguments_are_put_in_whole_and_inside_texts() -> None:
     text = b"""
 steps: [{call: {part: visit, with: {place: gate, seconds: 2.5}}}]
 parts:
-  visit: {takes: {place: , seconds: 20}, steps: [{say: "to the ${place}, $seconds s"}, {wait: {seconds: $seconds}}]}
+  visit: {takes: {place: , seconds: 20}, steps: [{say: "to the ${place}, $seconds s, $5"}, {wait: {seconds: $seconds}}]}
 """
     document, found = expanded(survey(text, "m")[0])
     assert found == []
     data: Any = document.data
-    assert data["steps"][0]["call"]["steps"] == [{"say": "to the gate, 2.5 s"}, {"wait": {"seconds": 2.5}}]
+    assert data["steps"][0]["call"]["steps"] == [{"say": "to the gate, 2.5 s, $5"}, {"wait": {"seconds": 2.5}}]
 
 
 @pytest.mark.parametrize(
@@ -300,6 +304,7 @@ parts:
         ("{part: visit, with: {seconds: 1, second: 2}}", "5:42: steps[0].call.with.second: part visit takes no second"),
         ("{part: visit, with: {seconds: soon}}", "m.yaml:9:21: parts.visit.steps[0].wait.seconds: expected a number"),
         ("{part: visit, with: {seconds: 1}, steps: []}", "steps[0].call: steps: unknown key; known keys: part, with"),
+        ("{name: visit}", "steps[0].call.name: unknown key; known keys: part, with"),
         ("{part: 3}", "m.yaml:5:10: steps[0].call.part: expected text, found 3"),
     ],
 )
