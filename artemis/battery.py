@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from itertools import pairwise
+from math import floor
 from operator import itemgetter
 from typing import Annotated, Literal, Self
 
@@ -75,8 +76,8 @@ class Battery(Config):
             if self.low_v >= full:
                 text = f"expected less than a full battery has ({full:g} V), found {self.low_v:g} V"
                 problems.append((("low_v",), text))
-            if self.critical_v < LEAST * empty:
-                text = f"expected at least {LEAST * empty:.3g} V, {LEAST:.0%} of what an empty battery has, found "
+            if self.critical_v < (least := floor(10.0 * LEAST * empty + 1e-6) / 10.0):
+                text = f"expected at least {least:g} V, {LEAST:.0%} of what an empty battery has, found "
                 problems.append((("critical_v",), f"{text}{self.critical_v:g} V"))
         if self.critical_v >= self.low_v:
             problems.append(

@@ -136,7 +136,7 @@ def configuration(pulses: Object) -> tuple[tuple[Object, int | str], ...]:
 EPOS1 = Family(
     name="epos1",
     title="EPOS",
-    serial_protocols=("epos1",),
+    serial_protocol="epos1",
     vendor=MAXON,
     generation=1,
     hardware=Bits(object=Object(0x2003, 2, U16)),

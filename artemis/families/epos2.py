@@ -2,8 +2,9 @@
 
 Sources: the object header of EPOS2 and drivers that run it (`kralf/libepos`, `uos/epos2_motor_controller`): states with
 Refresh and Measure Init, objects and modes as of the first generation, encoder pulses of 32 bit, option codes
-0x605B, 0x605C and 0x605E, automatic bit rate, frames of the EPOS4 on USB; error codes as several drivers name them that
-quote the firmware specification of the EPOS2. Mode 7, whose buffer 0xFF0C is about, is not used here.
+0x605B, 0x605C and 0x605E, automatic bit rate; error codes as several drivers name them that quote the firmware
+specification of the EPOS2. Mode 7, whose buffer 0xFF0C is about, is not used here. What it speaks on USB (frames of the
+EPOS4 around commands of the first generation) is not known to artemis.
 """
 
 from __future__ import annotations
@@ -29,7 +30,6 @@ EPOS2 = replace(
     EPOS1,
     name="epos2",
     title="EPOS2",
-    serial_protocols=("epos1", "epos4"),
     generation=2,
     configuration=configuration(Object(0x2210, 1, U32)),
     option_codes=(OptionCode(setting=Setting(FAULT_REACTION, 2), name="reaction to a fault: quick-stop ramp"),),

@@ -163,7 +163,7 @@ ERRORS = {
 EPOS4 = Family(
     name="epos4",
     title="EPOS4",
-    serial_protocols=("epos4",),
+    serial_protocol="epos4",
     vendor=MAXON,
     generation=5,
     hardware=Bits(object=PRODUCT, shift=16),

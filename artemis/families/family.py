@@ -17,6 +17,7 @@ SENSORS = (*ENCODERS, "hall")
 MAXON = 0x000000FB
 SYNC_PERIOD, TORQUE_CONSTANT = "SYNC period", "torque constant"
 """Quantities that a family may need."""
+NO_PROTOCOL = "artemis knows no serial protocol of it"
 HOME_INPUT = 1 << 2
 """Home switch among the digital inputs: bit 2 of 0x60FD (CiA 402); maxon numbers the functions of 0x2071 alike."""
 
@@ -143,8 +144,8 @@ class Family:
     """None: not known, or it has no such gains."""
     memory: tuple[Object, ...] = ()
     """Four numbers of the user's own, which the drive keeps."""
-    serial_protocols: tuple[str, ...] = ()
-    """Whose frames it speaks on a serial line: words for `bus.protocol` of a mission."""
+    serial_protocol: str | None = None
+    """Whose frames it speaks on a serial line: the mission's word for `bus.protocol`; None: not known."""
     moves_valid_pdos: bool = True
     """A PDO's identifier may be changed together with switching it off; else it is switched off first."""
     top_velocity: int = 0x7FFFFFFF
@@ -169,13 +170,6 @@ class Family:
     def state(self, statusword: int) -> DriveState:
         """The device state that a statusword (0x6041) tells; UNKNOWN for a pattern that the family does not have."""
         return self.states.get(statusword & self.mask, DriveState.UNKNOWN)
-
-    def serial_problem(self, protocol: object) -> str:
-        """Why a drive of it cannot be asked in this protocol on a serial line; empty: it can."""
-        if protocol in self.serial_protocols:
-            return ""
-        known = " or ".join(self.serial_protocols)
-        return f"{self.title}: " + (f"its protocol is {known}" if known else "artemis knows no serial protocol of it")
 
     @property
     def forgets(self) -> bool:

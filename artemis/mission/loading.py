@@ -13,6 +13,7 @@ from artemis.bridges.places import clashing
 from artemis.bridges.poses import INITIAL_POSE
 from artemis.config import Config
 from artemis.errors import ConfigError
+from artemis.families.family import NO_PROTOCOL
 from artemis.mission.actions import PluginUse
 from artemis.mission.injector import FaultInjector, installed_injector
 from artemis.mission.obstacles import Obstacles
@@ -257,9 +258,11 @@ class _Loading(SurroundingsChecks):
         if "serial" in words:
             if robot is not None:
                 name, first = next(iter(robot.drives.items()))
-                if problem := first.tables.serial_problem(words.get("protocol", "epos1")):
+                spoken, title = first.tables.serial_protocol, first.tables.title
+                if words.get("protocol", "epos1") != spoken:
+                    hint = f"write protocol: {spoken}" if spoken else NO_PROTOCOL
                     key = ("bus", "protocol") if "protocol" in words else ("bus",)
-                    self._complain(key, f"the line leads to {name}, {problem}")
+                    self._complain(key, f"the line leads to {name} ({title}): {hint}")
         elif isinstance(words.get("interface"), str):
             from artemis.devices.can_bus import check_bus_words
 

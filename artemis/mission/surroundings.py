@@ -90,7 +90,7 @@ class SurroundingsChecks(StepChecks):
         for key in self._names(*at):
             if key in ("charger", "capacity_scale", "idle_w") and robot is not None and robot.battery is None:
                 self._complain((*at, key), NO_BATTERY)
-        if robot is None or robot.battery is None:
+        if robot is None or robot.battery is None or robot.supply_source is None:
             return
         if unknown := [name for name, d in robot.drives.items() if d.role == "traction" and d.tables.current is None]:
             self._remarks.append(

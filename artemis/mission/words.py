@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection
 from functools import partial
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import ConfigDict, Field, ValidationInfo, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, ValidationInfo, model_validator
 from pydantic.json_schema import SkipJsonSchema
 
 from artemis.config import Config, Inconsistent
@@ -30,6 +30,15 @@ from artemis.yaml_file import KeyPath
 
 Steps = Annotated[tuple["Step", ...], *A_LIST]
 Outcome = Annotated[str, Field(min_length=1, max_length=64)]
+
+
+def _named(argument: str) -> str:
+    if not argument.isidentifier():
+        raise ValueError("the name of an argument begins with a letter or _, and has only these and digits")
+    return argument
+
+
+Argument = Annotated[str, AfterValidator(_named)]
 
 
 class RepeatWord(Config):
@@ -143,7 +152,7 @@ class MissionPart(Config):
 
     file: FileName | None = None
     """Instead of the other keys: a file that has these, for several missions."""
-    takes: dict[Annotated[str, Field(pattern=r"^[^\W\d]\w*$")], Any] = Field(default_factory=dict)
+    takes: dict[Argument, Any] = Field(default_factory=dict)
     """Arguments with their defaults; nothing: it has to be given."""
     steps: Annotated[list[dict[str, Any]], Field(min_length=1)] | None = None
     """As in a mission, with `$name` for the argument `name`."""

@@ -19,7 +19,7 @@ from artemis.values import Action, DriveCommand
 MAX_STATE_BYTES = 1000
 """Of a state, as JSON."""
 _OUTCOME, _SIGNAL = re.compile("[a-z][a-z0-9-]{0,63}"), re.compile("[a-z][a-z0-9_]{0,63}")
-_TAKEN = (DONE, "fault", "any", "resume", "restart")
+_TAKEN = (DONE, "fault", "lost", "any", "resume", "restart")
 _LARGEST = 2**53
 """Of a whole number: what every reader of JSON keeps."""
 

@@ -362,7 +362,9 @@ class _Advance:
         self._rests = self._rests or bool(bad)
         places[0], outcome = self._run(node.steps, places[0])
         if outcome:
-            self._running, outcome = running_before, bad or outcome  # it came first
+            self._running = running_before
+            if bad and (bad.startswith("!") or not outcome.startswith("!")):  # it came first; but an `end` is one
+                outcome = bad
         return Place((*running, *([bad] if bad else [])), tuple(places)), outcome
 
 

@@ -28,6 +28,10 @@ def held_up(shared: Shared, mode: Mode, wish: Wish, snapshot: Snapshot) -> Wish:
     """
     clearance = snapshot.set_points.clearance
     assert clearance is not None
+    seen = f"{max(clearance.distance, 0.0):.2f} m are free"
+    if clearance.unseen:
+        seen = f"the ground {'ahead' if wish.command.speed >= 0.0 else 'behind'} was not seen"
+    fault = wish.fault or catalogue.fault("LAS-08", "", seen)
     step, route = shared.current, shared.route
     if mode is not Mode.TELEOP and snapshot.standing:
         ended = stand(snapshot, event=Event.DONE, tracking=wish.tracking)
@@ -38,11 +42,7 @@ def held_up(shared: Shared, mode: Mode, wish: Wish, snapshot: Snapshot) -> Wish:
         if clearance.unseen and not in_vain and route.replan(most, done, clearance.blocked, unseen=True):
             return replace(ended, done=wish.done)
         if clearance.unseen or clearance.blocked + waited >= shared.rules.blocked_after:
-            return replace(ended, acted=wish.acted, done=wish.done, outcome=BLOCKED)
+            return replace(ended, acted=wish.acted, done=wish.done, outcome=BLOCKED, fault=fault)
         if clearance.blocked >= REPLAN_AFTER and route.replan(most, done, clearance.blocked):
             return replace(ended, done=wish.done)
-    seen = f"{max(clearance.distance, 0.0):.2f} m are free"
-    if clearance.unseen:
-        seen = f"the ground {'ahead' if wish.command.speed >= 0.0 else 'behind'} was not seen"
-    fault = wish.fault or catalogue.fault("LAS-08", "", seen)
     return replace(wish, fault=fault, phase="waiting for a free path")

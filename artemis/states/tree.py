@@ -77,10 +77,10 @@ class Try(Struct, frozen=True, kw_only=True):
 
     def tries_again(self, outcome: str) -> bool:
         """Whether its steps begin anew after it, while retries are left: after a fault only where a name means it."""
+        kind, _, id = outcome.partition(":")
         if self.again_on is None:
-            return not is_fault(outcome)
-        names = fault_names(outcome.partition(":")[2]) if is_fault(outcome) else (outcome, ANY)
-        return any(name in self.again_on for name in names)
+            return kind != FAULT
+        return any(name in self.again_on for name in (fault_names(id) if kind == FAULT else (outcome, ANY)))
 
 
 class Watch(Struct, frozen=True, kw_only=True):

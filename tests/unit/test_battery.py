@@ -54,14 +54,26 @@ def test_what_cannot_be_a_battery_is_refused(changes: dict[str, Any], words: str
 
 def test_a_battery_is_told_when_nobody_measures_what_the_wheels_take(tmp_path: Path) -> None:
     words = yaml.safe_load(FILE.with_name("artemis_cia402.yaml").read_text())
-    words["battery"] = {**BATTERY, "measured": None}
+    analog = [{"index": index, "type": "i16", "units_per_v": 1000.0} for index in (0x2401, 0x2402)]
+    words["drives"]["traction-left"]["cia402"] = {**words["drives"]["traction-left"]["cia402"], "analog_inputs": analog}
+    words["battery"] = {**BATTERY, "measured": {"drive": "traction-left", "input": 1, "divider": 6.0}}
     (tmp_path / "robot.yaml").write_text(yaml.safe_dump(words))
     (tmp_path / "m.yaml").write_text("{mission: m, robot: robot.yaml, bus: simulation, steps: [{wait: {seconds: 1}}]}")
     assert load_mission(tmp_path / "m.yaml").remarks == ()
     del words["drives"]["traction-left"]["cia402"]["current"]
     (tmp_path / "robot.yaml").write_text(yaml.safe_dump(words))
     (remark,) = load_mission(tmp_path / "m.yaml").remarks
-    assert remark.startswith("nobody measures the current of traction-left, traction-right (`cia402.current`): what ")
+    assert remark.startswith("nobody measures the current of traction-left (`cia402.current`): what they take of the ")
+    words["battery"]["measured"] = None
+    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(words))
+    assert load_mission(tmp_path / "m.yaml").remarks == (), "nobody says anything of the battery then"
+
+
+@pytest.mark.parametrize(("empty", "least"), [(24.0, 19.2), (23.0, 18.4), (21.8, 17.4)])
+def test_the_least_voltage_that_a_message_names_is_taken(empty: float, least: float) -> None:
+    assert battery(curve_v=[[0, empty], [100, 26.0]], critical_v=least).critical_v == least
+    with pytest.raises(ValidationError):
+        battery(curve_v=[[0, empty], [100, 26.0]], critical_v=least - 0.1)
 
 
 def test_voltage_and_charge_are_each_others_inverse() -> None:

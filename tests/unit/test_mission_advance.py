@@ -446,6 +446,16 @@ def test_an_end_beside_is_not_lost_when_the_steps_end_while_the_robot_comes_to_r
     assert walk.position.ended == "failed"
 
 
+def test_an_end_that_was_reported_is_not_undone_by_what_ended_beside() -> None:
+    beside = [{"wait": {"for": "run_s > 100", "at_most_s": 1.0}}]
+    end = {"choose": [{"if": "run_s < 99", "steps": [{"end": {}}]}]}
+    together = {"together": {"steps": [CALIBRATE, end], "beside": beside}}
+    walk = Walker({"try": {"steps": [together], "catch": {"timeout": [ASK]}}}, FOLLOW)
+    walk.tick(dt=1.0, standing=False, run_s=2.0)
+    assert walk.tick("done", standing=False, run_s=2.0) == "over"
+    assert (walk.position.ended, walk.told()[-1]) == ("", "end done")
+
+
 # ---------------------------------------------------------------------------------------------- the position
 
 

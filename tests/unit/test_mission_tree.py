@@ -73,6 +73,10 @@ NO_TIME = "no time passes in it on some way through: add a step that takes time,
             "fault is no outcome of your own",
         ),
         (
+            [{"during": {"steps": [WAIT], "when": [{"if": "run_s > 1", "then": "lost"}]}}],
+            "lost is no outcome of your own",
+        ),
+        (
             [{"wait": {"for": "rum_s > 1"}}],
             "steps[0].wait.for: condition 'rum_s > 1': unknown signal 'rum_s'; nearest is 'run_s', there are run_s, ",
         ),
@@ -319,6 +323,7 @@ def test_calls_that_do_not_fit_are_refused_where_they_stand(tmp_path: Path, call
         ("{a: {steps: [{call: b}]}, b: {steps: [{call: a}]}}", "a part cannot call itself: a -> b -> a"),
         ("{a: {steps: [{say: $x}]}}", "the part takes no x; there are no arguments"),
         ("{a: {steps: [{say: x}]}, b: {steps: [{say: x}]}}", "parts.b: no step calls this part"),
+        ("{a: {takes: {1st: 2}, steps: [{say: x}]}}", "the name of an argument begins with a letter or _"),
         ("{a: {steps: []}}", "expected a list of at least 1"),
         ("{a: {step: []}}", "parts.a.step: unknown key; did you mean steps?"),
     ],

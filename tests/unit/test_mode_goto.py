@@ -164,7 +164,8 @@ def test_where_ground_was_not_seen_another_route_is_planned_once_and_nothing_wai
     asked = blocked(steps, 0.1, unseen=True)
     assert (asked.event, asked.outcome, steps.route.replanning) == (Event.DONE, "", True)
     assert steps.route.kept_if_free == (), "the present route leads over unseen ground, however free it is"
-    assert blocked(steps, 0.1, unseen=True).outcome == BLOCKED
+    ended = blocked(steps, 0.1, unseen=True)
+    assert (fault_of(ended)[0], ended.outcome) == ("LAS-08", BLOCKED), "also where it never moved, somebody is told why"
 
 
 def test_where_the_robot_waited_for_an_obstacle_unseen_ground_has_another_route_planned_all_the_same() -> None:

@@ -31,7 +31,6 @@ from artemis.devices.serial_line import SerialLine
 from artemis.devices.serial_port import TtyPort
 from artemis.drive_states import DriveState, Nmt
 from artemis.errors import ConfigError, DeviceLost, DeviceTimeout
-from artemis.families import FAMILIES
 from artemis.mission.loading import load_mission
 from artemis.sim.bus import SimBus
 from artemis.sim.serial_drive import serial_drive
@@ -177,7 +176,7 @@ def test_nothing_is_driven_over_a_serial_line(mission: Path) -> None:
         ("{serial: /dev/ttyUSB0, protocol: epos3}", "bus.protocol"),
         (
             "{serial: /dev/ttyUSB0, protocol: epos4}",
-            "bus.protocol: the line leads to traction-left, EPOS: its protocol is epos1",
+            "bus.protocol: the line leads to traction-left (EPOS): write protocol: epos1",
         ),
         ("{serial: ''}", "bus.serial"),
         ("{port: /dev/ttyUSB0}", "bus"),
@@ -232,9 +231,9 @@ def test_wrong_options_of_the_simulation_are_refused() -> None:
 @pytest.mark.parametrize(
     ("robot", "protocol", "problem"),
     [
-        ("artemis", "epos4", "EPOS: its protocol is epos1"),
-        ("artemis_epos4", "epos1", "EPOS4: its protocol is epos4"),
-        ("artemis_cia402", "epos1", "CiA 402 drive: artemis knows no serial protocol of it"),
+        ("artemis", "epos4", "(EPOS): write --serial epos1"),
+        ("artemis_epos4", "epos1", "(EPOS4): write --serial epos4"),
+        ("artemis_cia402", "epos1", "(CiA 402 drive): artemis knows no serial protocol of it"),
     ],
 )
 def test_a_simulated_line_leads_to_no_drive_that_does_not_speak_its_protocol(
@@ -242,11 +241,7 @@ def test_a_simulated_line_leads_to_no_drive_that_does_not_speak_its_protocol(
 ) -> None:
     with pytest.raises(ConfigError) as caught:
         simulate_serial(MISSIONS / "robots" / f"{robot}.yaml", protocol, 9600, 0.0, 1, None)
-    assert caught.value.problems == [f"--serial {protocol}: the line leads to traction-left, {problem}"]
-
-
-def test_an_epos2_has_a_protocol_for_each_of_its_ports() -> None:
-    assert [FAMILIES["epos2"].serial_problem(protocol) for protocol in ("epos1", "epos4")] == ["", ""]
+    assert caught.value.problems == [f"--serial {protocol}: the line leads to traction-left {problem}"]
 
 
 # ---------------------------------------------------------------------------------------------- a real terminal
