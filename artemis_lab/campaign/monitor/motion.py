@@ -39,6 +39,8 @@ STALLS = ("SYS-01", "SYS-03", "SYS-07", "COM-31", "PLG-03", "PLG-04", "PTH-09")
 HELPLESS = (*CUT_OFF, *STALLS, "COM-29", "COM-12")
 ALONE = 0.12
 """A driven wheel may push so long [s] while the other is off."""
+NOTICED = 0.06
+"""Motion that nobody commanded is in the feedback of the second tick after it began [s]."""
 FOUND = 0.5
 """A drive that is found turning at the start is stopped in this time: the host listens first [s]."""
 STILL_TIME = 0.2
@@ -227,7 +229,8 @@ def steering_holds(e: Evidence) -> Iterator[Violation]:
             look = e.look_at(event.time)
             if look is None or not look.enabled[number]:
                 continue
-            if abs(look.speed) < ROLLING:
+            turning = any(i.id == "SYS-10" and 0.0 <= event.time - i.time <= NOTICED for i in e.injected)
+            if abs(look.speed) < ROLLING or turning:  # a drive that is made to turn by itself is not heard of yet
                 told = True
                 continue
             since = max((time for time, mode in e.journal.modes if mode in STOPPED and time <= event.time), default=0.0)
