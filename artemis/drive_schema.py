@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -183,6 +183,19 @@ def _identity(drive: Drive) -> Iterator[tuple[KeyPath, str]]:
 
 def _generation(version: int) -> Family | None:
     return GENERATIONS.get(version >> 4 & 0xF)
+
+
+def serial_problem(drives: Mapping[str, Drive], protocol: object, key: str) -> str:
+    """Why the first of these drives, by name, is not asked in this protocol on a serial line; empty: it is.
+
+    `key`: what is written before a protocol.
+    """
+    name, first = next(iter(drives.items()))
+    spoken = first.tables.serial_protocol
+    if protocol == spoken:
+        return ""
+    hint = f"write {key} {spoken}" if spoken else "artemis knows no serial protocol of it"
+    return f"the line leads to {name} ({first.tables.title}): {hint}"
 
 
 def _motor(drive: Drive) -> Iterator[tuple[KeyPath, str]]:

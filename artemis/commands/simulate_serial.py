@@ -10,8 +10,8 @@ from pathlib import Path
 from artemis import clock
 from artemis.devices.serial_frames import SerialProtocol
 from artemis.devices.serial_port import BAUD_RATES
+from artemis.drive_schema import serial_problem
 from artemis.errors import ConfigError, DeviceLost
-from artemis.families.family import NO_PROTOCOL
 from artemis.mission.loading import load_model
 from artemis.sim.serial_drive import serial_drive
 from artemis.sim.serial_pty import PseudoTerminal
@@ -43,10 +43,8 @@ def simulate_serial(robot: Path, protocol: str, baud: int, latency: float, seed:
     if problems:
         raise ConfigError(problems)
     described = load_model(robot, RobotFile)
-    name, first = next(iter(described.drives.items()))
-    if protocol != (spoken := first.tables.serial_protocol):
-        hint = f"write --serial {spoken}" if spoken else NO_PROTOCOL
-        raise ConfigError([f"--serial {protocol}: the line leads to {name} ({first.tables.title}): {hint}"])
+    if problem := serial_problem(described.drives, protocol, "--serial"):
+        raise ConfigError([f"--serial {protocol}: {problem}"])
     machine = load_model(true, PlantParameters) if true is not None else PlantParameters()
     settings = SerialSettings(baud=baud, latency_s=latency)
     clock.run(_serve(described, machine, SerialProtocol(protocol), settings, seed), simulated=False)

@@ -17,7 +17,6 @@ SENSORS = (*ENCODERS, "hall")
 MAXON = 0x000000FB
 SYNC_PERIOD, TORQUE_CONSTANT = "SYNC period", "torque constant"
 """Quantities that a family may need."""
-NO_PROTOCOL = "artemis knows no serial protocol of it"
 HOME_INPUT = 1 << 2
 """Home switch among the digital inputs: bit 2 of 0x60FD (CiA 402); maxon numbers the functions of 0x2071 alike."""
 

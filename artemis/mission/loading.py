@@ -12,8 +12,8 @@ from pydantic import ValidationError
 from artemis.bridges.places import clashing
 from artemis.bridges.poses import INITIAL_POSE
 from artemis.config import Config
+from artemis.drive_schema import serial_problem
 from artemis.errors import ConfigError
-from artemis.families.family import NO_PROTOCOL
 from artemis.mission.actions import PluginUse
 from artemis.mission.injector import FaultInjector, installed_injector
 from artemis.mission.obstacles import Obstacles
@@ -256,13 +256,9 @@ class _Loading(SurroundingsChecks):
         if not isinstance(words, dict):
             return
         if "serial" in words:
-            if robot is not None:
-                name, first = next(iter(robot.drives.items()))
-                spoken, title = first.tables.serial_protocol, first.tables.title
-                if words.get("protocol", "epos1") != spoken:
-                    hint = f"write protocol: {spoken}" if spoken else NO_PROTOCOL
-                    key = ("bus", "protocol") if "protocol" in words else ("bus",)
-                    self._complain(key, f"the line leads to {name} ({title}): {hint}")
+            protocol = words.get("protocol", "epos1")
+            if robot is not None and (problem := serial_problem(robot.drives, protocol, "protocol:")):
+                self._complain(("bus", "protocol") if "protocol" in words else ("bus",), problem)
         elif isinstance(words.get("interface"), str):
             from artemis.devices.can_bus import check_bus_words
 

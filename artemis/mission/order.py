@@ -120,8 +120,8 @@ class Order:
         others = {name: facts for name, facts in body.items() if name != DONE and not name.startswith("!")}
         catch, again = keys_of(keys.get("catch")), keys.get("again_on")
         own = [name for name in others if not is_fault(name)]
-        given = [f"{name}" for name in (() if again is None else parts_of(again))]
-        retried = [*(own if again is None or ANY in given else ()), *given]
+        given = [ANY] if again is None else [f"{name}" for name in parts_of(again)]
+        retried = [*(own if ANY in given else ()), *given]
         names = [*own, *filter(is_fault, retried)]
         rest = [name for name in names if catch.keys().isdisjoint({*names_in(name, [name])} - {ANY})]
         ends = _but(body, *_of(others, [name for name in catch if ":" not in name]), *(own if ANY in catch else ()))

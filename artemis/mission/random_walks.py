@@ -44,9 +44,8 @@ class RandomWalk(MissionWalk):
         """Something happens."""
         dice, number = self._dice, self.position.step
         passive, chance = self.found.passive[number], dice.random()
-        beside = [number for number in self.beside if self.found.passive[number] is None]
-        if beside and dice.random() < 0.1:
-            number = dice.choice(beside)
+        if self.beside and dice.random() < 0.1:
+            number = dice.choice(self.beside)
             self.tick(dice.choice(sorted(self.found.outcomes[number] - {LOST})), of=number)
         elif self._tests and chance < 0.3:
             self._change(dice.choice(self._tests))

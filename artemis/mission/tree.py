@@ -103,7 +103,7 @@ class _Building:
             case "try":
                 between = body.between and self.steps(body.between, (*path, "between"))
                 catch = tuple((key, self.steps(of, (*path, "catch", key))) for key, of in body.catch.items())
-                retried = {"retries": body.retries, "again_on": body.again_on, "between": between}
+                retried = {"retries": body.retries, "again_on": body.again_on or (tree.ANY,), "between": between}
                 return tree.Try(path=name, steps=steps, catch=catch, **retried)
             case "during":
                 when = tuple(self._watches(body.when, (*path, "when")))

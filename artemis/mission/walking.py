@@ -45,7 +45,7 @@ class MissionWalk:
         self.places = [dotted(found.steps[0][0])] if self.tree.is_list else []
         self.told: list[MissionEvent] = []
         self.beside: list[int] = []
-        """Numbers of the steps that run beside the present one."""
+        """Numbers of the behaviours that run beside the present step."""
         self.tick(dt=0.0)
 
     @property
@@ -98,21 +98,21 @@ class MissionWalk:
         )
         position = replace(self.position, faults=(fault,)) if fault else self.position
         waits = not self.is_over and self.found.passive[position.step] is not None
+        acted = {ANY_BEHAVIOUR: Acted(step=ANY_BEHAVIOUR, signals=told)} if told else {}
+        if of is not None:
+            acted[of], outcome = Acted(step=of, outcome=outcome), ""
         facts = MissionFacts(
             signals={**self.signals, **dict.fromkeys(pressed, True)},
             dt=dt,
             standing=bool(fault) or self.is_over or self.found.steps[position.step][1].calibrate is None,
             done=position.done + dt if waits else None,
-            outcome=outcome if of is None else "",
+            outcome=outcome,
             answers=(answer,) if answer else (),
-            acted={
-                **({ANY_BEHAVIOUR: Acted(step=ANY_BEHAVIOUR, signals=told)} if told else {}),
-                **({of: Acted(step=of, outcome=outcome)} if of is not None else {}),
-            },
+            acted=acted,
         )
         advanced = advance(self.tree, self.found.passive, position, facts)
         self.position = advanced.position
-        self.beside = list(advanced.beside)
+        self.beside = [number for number in advanced.beside if self.found.passive[number] is None]
         self.told += advanced.events
         self.places += advanced.entered
 
@@ -184,7 +184,7 @@ def _end_step(made: MissionWalk, outcome: str) -> None:
         made.tick(dt=limit - made.position.done)
     elif outcome in ends and not (passive is not None and passive.answers):
         made.tick(outcome)
-    elif beside := [n for n in made.beside if outcome in made.found.outcomes[n] and made.found.passive[n] is None]:
+    elif beside := [n for n in made.beside if outcome in made.found.outcomes[n]]:
         made.tick(outcome, of=beside[0])
     else:
         raise _impossible(made, outcome)
@@ -198,6 +198,6 @@ def _impossible(made: MissionWalk, outcome: str) -> ConfigError:
         return ConfigError(f"no fault {id!r} in the fault table; {similar(id, list(ROWS)).partition(',')[0]}")
     answers = passive.answers if passive is not None else ()
     ends = made.found.outcomes[number] - ({DONE} if answers else set())
-    beside = [made.found.outcomes[n] for n in made.beside if made.found.passive[n] is None]
-    names = [*answers, *sorted(ends.union(*beside)), f"{FAULT}:ID"]
+    ends = ends.union(*(made.found.outcomes[n] for n in made.beside))
+    names = [*answers, *sorted(ends), f"{FAULT}:ID"]
     return ConfigError(f"the step '{made.at}' does not end so; {similar(outcome, names)}")

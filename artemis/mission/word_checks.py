@@ -140,7 +140,7 @@ class WordChecks:
                 again = "the same condition as a watcher above: this one is never asked"
                 self.problems.append(((*at, "if"), again))
             above += [] if condition is None else [condition]
-            if then in (DONE, FAULT, LOST, ANY) or then.startswith((f"{FAULT}:", "!")):
+            if then in (DONE, ANY) or is_fault(then) or then.startswith("!"):
                 self.problems.append(((*at, "then"), f"{then} is no outcome of your own"))
             if then not in (RESUME, RESTART) and then in self.order.ends.get(path, ()):
                 self._check_caught((*at, "then"), then)

@@ -61,15 +61,15 @@ class Try(Struct, frozen=True, kw_only=True):
     path: str
     steps: Steps
     retries: int = 0
-    again_on: tuple[str, ...] | None = None
-    """None: all but faults."""
+    again_on: tuple[str, ...] = (ANY,)
+    """`any` means no fault."""
     between: Steps | None = None
     catch: tuple[tuple[str, Steps], ...] = ()
 
     @property
     def keys(self) -> tuple[str, ...]:
         """All that it names."""
-        return (*(self.again_on or ()), *(name for name, _ in self.catch))
+        return (*self.again_on, *(name for name, _ in self.catch))
 
     def names(self, outcome: str) -> tuple[str, ...]:
         """What it may call an outcome by; see `names_in`."""
@@ -77,10 +77,7 @@ class Try(Struct, frozen=True, kw_only=True):
 
     def tries_again(self, outcome: str) -> bool:
         """Whether its steps begin anew after it, while retries are left: after a fault only where a name means it."""
-        kind, _, id = outcome.partition(":")
-        if self.again_on is None:
-            return kind != FAULT
-        return any(name in self.again_on for name in (fault_names(id) if kind == FAULT else (outcome, ANY)))
+        return not set(names_in(outcome, self.again_on)).isdisjoint(self.again_on)
 
 
 class Watch(Struct, frozen=True, kw_only=True):

@@ -151,8 +151,7 @@ def _left_of_try(node: Try, place: Place, length: Length) -> Ahead:
 
 def _after_try(node: Try, length: Length) -> Ahead:
     """What is certain after its steps: it may have charged after `battery-short`, and not have ended with it."""
-    again = node.again_on is None or {SHORT, ANY}.intersection(node.again_on)
-    branches = [node.between if node.retries and again else None]
+    branches = [node.between if node.retries and node.tries_again(SHORT) else None]
     branches += [steps for name, steps in node.catch if name in (SHORT, ANY)]
     return END if _charges(tuple(branches), length) else NOTHING
 

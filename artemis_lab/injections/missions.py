@@ -32,7 +32,7 @@ from artemis_lab.injections.emergencies import checked_code, known_codes
 from artemis_lab.injections.failing_disk import FailingDisk
 from artemis_lab.injections.fault_bus import FaultBus
 from artemis_lab.injections.stage import Injection, Needs, Stage
-from artemis_lab.injections.table import INJECTIONS, NOT_INJECTED, inject
+from artemis_lab.injections.table import INJECTIONS, NOT_INJECTED, inject, shows_on
 
 # ---------------------------------------------------------------------------------------------- before the run
 
@@ -76,7 +76,7 @@ def _check_node(fault: InjectedFault, injection: Injection, robot: RobotFile | N
         fitting = [name for name, drive in robot.drives.items() if role in (None, drive.role)]
         if node not in robot.drives:
             yield "node", f"no such drive: {node}{nearest(node, fitting, 'drives')}"
-        elif id in ROWS and ROWS[id].is_missed_by(robot):
+        elif not shows_on(id, robot):
             yield "inject", f"{id} needs {ROWS[id].needs.value}, which {robot.robot} has not"
         elif node not in fitting:
             yield "node", f"{id} happens to {needs.value}: {', '.join(fitting)}"

@@ -113,7 +113,7 @@ def test_teleoperation_that_is_to_rest_ramps_down_and_leaves_without_being_over(
 # ---------------------------------------------------------------------------------------------- faults, the end
 
 
-def in_a_try(*catch: str, again_on: tuple[str, ...] | None = None, retries: int = 0) -> Shared:
+def in_a_try(*catch: str, again_on: tuple[str, ...] = ("any",), retries: int = 0) -> Shared:
     caught = tuple((name, Steps((Say("s", name),))) for name in catch)
     node = Try(path="t", steps=Steps((Leaf(0, "w"),)), catch=caught, again_on=again_on, retries=retries)
     plan = Plan(robot=shared().plan.robot, steps=(WaitStep(seconds=9.0),), tree=tree_of(Steps((node,))))
