@@ -152,6 +152,7 @@ class _Loading(SurroundingsChecks):
             self._check_mapping(robot)
         scenery, grid = self._scenery()
         self._check_steps(robot, inputs)
+        self._check_answers()
         self._check_view(robot)
         self._check_initial_poses(inputs)
         self._check_faults(robot, inputs)

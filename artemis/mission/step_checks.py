@@ -22,8 +22,9 @@ from artemis.mission.words import Step
 from artemis.plugins.contracts import declared
 from artemis.plugins.registry import behaviour_class, declarations
 from artemis.plugins.stated import STALE, follower_speed, input_speed, stale_limit
+from artemis.states.answers import given_answer
 from artemis.states.outcomes import step_facts
-from artemis.states.outline import behaviours_in, numbered, steps_in
+from artemis.states.outline import behaviours_in, keys_of, numbered, parts_of, steps_in
 from artemis.vehicle import RobotFile
 from artemis.yaml_file import KeyPath, dotted
 
@@ -79,6 +80,19 @@ class StepChecks(GotoChecks):
             if isinstance(step.action, Follow) and isinstance(step.action.path, Recorded) and path in before:
                 self._check_recorded(path, step.action.path.recorded, before[path], given)
             self._check_step(number, path, step, robot, inputs, alone=alone)
+
+    def _check_answers(self) -> None:
+        """Those of the simulation's operator, to questions of the mission."""
+        asked = self._checks.signals.get("answer")
+        for index, act in enumerate(parts_of(keys_of(self._data.get("simulation")).get("operator"))):
+            answer, at = keys_of(act).get("answer"), ("simulation", "operator", index, "answer")
+            if not isinstance(answer, str):
+                continue
+            if asked is None:
+                self._complain(at, "no step of the mission asks a question: it needs `ask`")
+            elif asked.values and not given_answer(answer, asked.values):
+                hint = nearest(answer, asked.values, "answers")
+                self._complain(at, f"no question of the mission has this answer{hint}")
 
     def _check_step(
         self, number: int, at: KeyPath, step: Step, robot: RobotFile | None, inputs: Configs, *, alone: bool

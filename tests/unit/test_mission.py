@@ -320,6 +320,33 @@ def test_every_misspelt_key_is_named_with_the_right_one(folder: Path, file: str,
     assert any(problem.endswith(hints) for problem in caught.value.problems)
 
 
+@pytest.mark.parametrize(
+    ("answer", "problem"),
+    [
+        ("right", None),
+        ("2", None),
+        ("rihgt", "no question of the mission has this answer; did you mean right?"),
+        ("3", "no question of the mission has this answer; answers: left, right"),
+    ],
+)
+def test_answers_of_the_scripted_operator_are_those_of_a_question(
+    folder: Path, answer: str, problem: str | None
+) -> None:
+    file, operator = folder / "m.yaml", f"{{at_s: 1, do: answer, answer: '{answer}'}}"
+    text = f"mission: m\nrobot: robots/artemis.yaml\nbus: simulation\nsimulation: {{operator: [{operator}]}}\nsteps:\n"
+    file.write_text(f"{text}  - ask: {{question: where, answers: [left, right]}}\n  - wait: {{seconds: 1}}\n")
+    found: list[str] = []
+    try:
+        load_mission(file)
+    except ConfigError as error:
+        found = error.problems
+    at = f"{file}:4:47: simulation.operator[0].answer: "
+    assert found == ([] if problem is None else [at + problem])
+    file.write_text(f"{text}  - wait: {{seconds: 1}}\n")
+    with pytest.raises(ConfigError, match=r"operator\[0\].answer: no step of the mission asks a question"):
+        load_mission(file)
+
+
 # ---------------------------------------------------------------------------------------------- words and schemas
 
 
