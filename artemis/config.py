@@ -57,16 +57,17 @@ class Quantity:
         """The number itself.
 
         Raises:
-            ValueError: it is beyond; with the unit it was probably meant in.
+            ValueError: it is beyond; with the units it may be meant in.
         """
         if self._has(number):
             return number
         sign = ", positive or negative" if self.signed else ""
         unit = f" {self.unit}" if self.unit else ""
         meant = f"expected {self.low:g} to {self.high:g}{unit}{sign}, found {number:g}{unit}"
-        for unit, converted in _MISTAKEN.get(self.unit, ()):
-            if number and self._has(right := converted(number)):
-                raise ValueError(f"{meant}: is it in {unit}? then write {right:.4g}")
+        mistaken = _MISTAKEN.get(self.unit, ()) if number else ()
+        hints = [f"in {unit}? then write {right:.4g}" for unit, turn in mistaken if self._has(right := turn(number))]
+        if hints:
+            raise ValueError(f"{meant}: is it {'; '.join(hints)}")
         if not self.signed and self._has(-number):
             raise ValueError(f"{meant}: leave the minus sign out")
         raise ValueError(meant)

@@ -131,11 +131,7 @@ def read(path: Path, max_bytes: int = MAX_BYTES) -> bytes:
 
 
 def load(path: Path) -> Document:
-    """Read one YAML file.
-
-    Raises:
-        ConfigError: everything wrong with it as a file and as strict YAML.
-    """
+    """Read one YAML file. Raises ConfigError: everything wrong with it as a file and as strict YAML."""
     document, problems = survey(read(path), str(path))
     if problems:
         raise ConfigError(problems)
@@ -180,6 +176,8 @@ def _line(source: str, position: Position, path: KeyPath, text: str) -> str:
 def _text(raw: bytes, source: str) -> str:
     if raw.startswith((b"\xef\xbb\xbf", b"\xff\xfe", b"\xfe\xff")):
         raise ConfigError(f"{source}:1:1: begins with a byte order mark: save it as UTF-8 without BOM")
+    if raw.startswith((b"P2\n", b"P5\n", b"\x89PNG")):
+        raise ConfigError(f"{source}:1:1: is an image: name the YAML file of the map")
     try:
         return raw.decode("utf-8")
     except UnicodeDecodeError as error:

@@ -25,6 +25,7 @@ from artemis.mapping.occupancy import occupancy
 from artemis.mapping.se2 import between, compose
 from artemis.mapping.settings import MapSettings
 from artemis.mapping.tracking import Tracker
+from artemis.route_planning.zones import zones_file
 
 LOGS = (".clf", ".log")
 
@@ -82,6 +83,8 @@ def build_map(sources: Sources, output: Path, resolution: float, *, force: bool)
         f"loops       {len(mapper.graph.loops)} of {mapper.searched} places searched\n"
     )
     write_map(output, content, mapper.result())
+    if (zones := Path(zones_file(str(output)))).exists():
+        sys.stdout.write(f"notice      {zones} stays: its zones and places count on the new map\n")
 
 
 def _gone_on(

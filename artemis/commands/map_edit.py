@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from artemis.commands.map_files import numbers, refuse_output, write_map
 from artemis.commands.map_zones import ZoneEdits, edit_zones, edited_zones, say_zones, turned_zones, zones_of
-from artemis.commands.path_files import refuse_taken
 from artemis.errors import ConfigError
 from artemis.mapping.final_pass import matched_again
 from artemis.mapping.graph_file import SUFFIX, MapGraph, read_graph
@@ -22,6 +24,11 @@ from artemis.route_planning.zones import zones_file
 from artemis.yaml_file import read
 
 _ROUNDS = 20
+_ROUNDED = 20
+"""Cells may differ, as a graph keeps its points in single precision."""
+_LOST = (
+    "the image is drawn again from its graph, without that. State --crop and --no-go again, or use --zone for routes"
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,17 +57,18 @@ def edit_map(file: Path, output: Path | None, edits: Edits, *, force: bool) -> N
             raise ConfigError("--output MAP: name the corrected map; only zones and places are changed in place")
         if not edits.zones:
             raise ConfigError(f"{file}: nothing to be done; `artemis map edit --help` lists what can be")
-        read_map(file)
-        edit_zones(file, edits.zones)
+        edit_zones(file, edits.zones, read_map(file))
         return
     refuse_output(output, force)
     beside_output = Path(zones_file(str(output)))
-    refuse_taken([beside_output], force)
     zones = edited_zones(_zones(file, edits.rotate), str(beside_output), edits.zones)
     _edit_cells(file, output, edits)
     if zones:
         write_whole(beside_output, zones.decode())
-        say_zones(output, zones_of(output))
+        say_zones(output, zones_of(output), read_map(output))
+    elif beside_output.exists():  # of another map
+        beside_output.unlink()
+        sys.stdout.write(f"{'zones':<12}{beside_output}: removed, as {file} has none\n")
 
 
 def _zones(file: Path, rotate: float) -> bytes:
@@ -77,6 +85,8 @@ def _edit_cells(file: Path, output: Path, edits: Edits) -> None:
     if edits.loops:
         if graph is None:
             raise ConfigError(f"{beside}: no such file; loops are taken back in the graph of a map")
+        if (lost := _painted(content, graph)) > _ROUNDED:
+            sys.stdout.write(f"{'notice':<12}{lost} cells of {file} were edited by hand: {_LOST}\n")
         _undo(graph, edits.loops, beside)
         content = occupancy(graph.keys, content.resolution)
     if edits.rotate:
@@ -91,8 +101,18 @@ def _edit_cells(file: Path, output: Path, edits: Edits) -> None:
     write_map(output, content, graph)
 
 
+def _painted(content: OccupancyMap, graph: MapGraph) -> int:
+    """How many cells of a map are not as its graph draws them, by a crop, too."""
+    drawn = occupancy(graph.keys, content.resolution)
+    if drawn.cells.shape != content.cells.shape or drawn.origin != content.origin:
+        return abs(drawn.cells.size - content.cells.size) or content.cells.size
+    return int(np.count_nonzero(drawn.cells != content.cells))
+
+
 def _cropped(content: OccupancyMap, text: str) -> OccupancyMap:
     ax, ay, bx, by = numbers(text, "--crop", 4, 4)[:4]
+    if ax == bx or ay == by:
+        raise ConfigError(f"--crop {text}: expected two opposite corners X,Y,X,Y")
     try:
         return content.cropped((min(ax, bx), min(ay, by)), (max(ax, bx), max(ay, by)))
     except ValueError as error:

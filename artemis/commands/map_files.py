@@ -11,6 +11,8 @@ from artemis.errors import ConfigError
 from artemis.mapping.graph_file import SUFFIX, MapGraph, saved_files
 from artemis.mapping.map_file import write_bytes
 from artemis.mapping.occupancy import OccupancyMap
+from artemis.route_planning.zones import SUFFIX as ZONES
+from artemis.route_planning.zones import zones_file
 
 
 def refuse_output(path: Path, force: bool) -> None:
@@ -21,7 +23,9 @@ def refuse_output(path: Path, force: bool) -> None:
     """
     if path.suffix not in (".yaml", ".yml"):
         raise ConfigError(f"{path}: name the map .yaml; its image and its graph are written beside it")
-    refuse_taken([path, path.with_suffix(".pgm"), path.with_suffix(SUFFIX)], force)
+    if path.name.endswith(ZONES):
+        raise ConfigError(f"{path}: a map's zones and places have such a name; name the map otherwise")
+    refuse_taken([path, path.with_suffix(".pgm"), path.with_suffix(SUFFIX), Path(zones_file(str(path)))], force)
 
 
 def write_map(path: Path, content: OccupancyMap, graph: MapGraph | None) -> None:

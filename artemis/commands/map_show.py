@@ -57,7 +57,7 @@ def show_map(file: Path, figure: Path | None, wanted: tuple[str, str, Path] | No
         _say(graph)
     zones = zones_of(file)
     if zones.zones or zones.places:
-        say_zones(file, zones)
+        say_zones(file, zones, content)
     route = planned(content, zones, *wanted) if wanted is not None else None
     if route is not None:
         _row("route", f"{route.length:.1f} m, {len(route.parts) - 1} reversals")

@@ -14,8 +14,11 @@ from pydantic import ValidationError
 from artemis.commands.map_files import numbers
 from artemis.config import Config
 from artemis.errors import ConfigError, similar
+from artemis.mapping.occupancy import OccupancyMap
 from artemis.mission.loading import load_model
+from artemis.mission.problems import plain_words
 from artemis.mission.zones import HEAD, read_zones, with_zone, without_zone, write_zones, zone_line, zones_in
+from artemis.route_planning.floor import outside
 from artemis.route_planning.zones import MapZone, MapZones, zones_file
 from artemis.yaml_edit import with_line, without_line
 
@@ -71,7 +74,7 @@ def edited_zones(raw: bytes, source: str, edits: ZoneEdits) -> bytes:
     return raw
 
 
-def edit_zones(file: Path, edits: ZoneEdits) -> None:
+def edit_zones(file: Path, edits: ZoneEdits, on: OccupancyMap) -> None:
     """Change the zones and places beside a map, and say so.
 
     Raises:
@@ -80,7 +83,7 @@ def edit_zones(file: Path, edits: ZoneEdits) -> None:
     beside = Path(zones_file(str(file)))
     content = edited_zones(read_zones(beside), str(beside), edits)
     write_zones(beside, content)
-    say_zones(file, zones_in(content, str(beside)))
+    say_zones(file, zones_in(content, str(beside)), on)
 
 
 def turned_zones(known: MapZones, turn: float) -> bytes:
@@ -100,8 +103,8 @@ def turned_zones(known: MapZones, turn: float) -> bytes:
     return raw
 
 
-def say_zones(file: Path, known: MapZones) -> None:
-    """A line for each zone and each place."""
+def say_zones(file: Path, known: MapZones, on: OccupancyMap) -> None:
+    """A line for each zone and each place, and for each that lies outside of the map."""
     beside = Path(zones_file(str(file)))
     sys.stdout.write(f"{'zones':<12}{beside}: {len(known.zones)} zones, {len(known.places)} places\n")
     for number, zone in enumerate(known.zones, 1):
@@ -111,6 +114,8 @@ def say_zones(file: Path, known: MapZones) -> None:
     for name, place in known.places.items():
         pose = f"x {place.x_m:g} m, y {place.y_m:g} m, {place.heading_deg:g} degrees"
         sys.stdout.write(f"{'place':<12}{name}: {pose}\n")
+    for line in outside(on, known):
+        sys.stdout.write(f"{'notice':<12}{line}\n")
 
 
 def _zone(text: str) -> MapZone:
@@ -147,6 +152,4 @@ def _valid(model: type[Model], values: dict[str, object], option: str) -> Model:
     try:
         return model.model_validate(values)
     except ValidationError as error:
-        raise ConfigError(
-            [f"{option}: {'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()]
-        ) from None
+        raise ConfigError([f"{option}: {line}" for line in plain_words(error)]) from None

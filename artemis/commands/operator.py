@@ -26,6 +26,7 @@ from artemis.errors import ConfigError
 from artemis.mission.actions import PluginUse
 from artemis.mission.files import read_data
 from artemis.mission.loading import load_mission, plugin_from
+from artemis.mission.problems import plain_words
 from artemis.plugins.contracts import InputDevice, PluginContext
 from artemis.plugins.inputs.network import PORT
 from artemis.plugins.stated import input_speed
@@ -212,5 +213,4 @@ def _plugin_from(use: PluginUse) -> tuple[Any, Config]:
     try:
         return plugin_from("artemis.inputs", use)
     except ValidationError as error:
-        problems = [f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()]
-        raise ConfigError([f"--input {use.plugin}: {problem}" for problem in problems]) from None
+        raise ConfigError([f"--input {use.plugin}: {problem}" for problem in plain_words(error)]) from None

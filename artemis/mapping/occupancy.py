@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -39,12 +40,20 @@ class OccupancyMap:
 
     def cell_of(self, points: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Rows and columns of points, shape (n, 2), which may lie outside."""
+        columns, rows = np.floor(self._in_cells(points)).astype(np.int64)
+        return rows, columns
+
+    def contains(self, x: float, y: float) -> bool:
+        """Whether a place lies on one of the cells."""
+        (row,), (column,) = self.cell_of(np.array([[x, y]]))
+        return bool(0 <= row < self.cells.shape[0] and 0 <= column < self.cells.shape[1])
+
+    def _in_cells(self, points: Array) -> Array:
+        """Columns and rows with their fractions, shape (2, n)."""
         x, y, heading = self.origin
         c, s = np.cos(heading), np.sin(heading)
         dx, dy = points[:, 0] - x, points[:, 1] - y
-        local = np.stack([c * dx + s * dy, c * dy - s * dx]) / self.resolution
-        columns, rows = np.floor(local).astype(np.int64)
-        return rows, columns
+        return np.stack([c * dx + s * dy, c * dy - s * dx]) / self.resolution
 
     def rotated(self, angle: float) -> OccupancyMap:
         """Turned around the frame's origin by `angle` [rad], on cells along x and y again."""
@@ -78,8 +87,11 @@ class OccupancyMap:
         cells = self.cells[first_row:last_row, first_column:last_column].copy()
         return replace(self, cells=cells, origin=(float(x), float(y), self.origin[2]))
 
-    def inside(self, corners: Sequence[tuple[float, float]]) -> NDArray[np.bool_]:
-        """Of each cell, whether its middle lies inside of a polygon [m, in the frame of the map]."""
+    def inside(self, corners: Sequence[tuple[float, float]], *, touched: bool = False) -> NDArray[np.bool_]:
+        """Of each cell, whether its middle lies inside of a polygon [m, in the frame of the map].
+
+        `touched`: or an edge passes through it, sampled four times in each cell.
+        """
         row, column = (each.reshape(-1) for each in np.indices(self.cells.shape))
         local = np.stack([column + 0.5, row + 0.5, np.zeros(len(row))], 1) * self.resolution
         x, y = compose(np.array(self.origin), local)[:, :2].T
@@ -87,12 +99,22 @@ class OccupancyMap:
         for (ax, ay), (bx, by) in zip(corners, [*corners[1:], corners[0]], strict=True):
             if ay != by:
                 inside ^= ((ay > y) != (by > y)) & (x < (bx - ax) * (y - ay) / (by - ay) + ax)
-        return inside.reshape(self.cells.shape)
+        found = inside.reshape(self.cells.shape)
+        for start, end in zip(corners, [*corners[1:], corners[0]], strict=True) if touched else ():
+            found[self._along(start, end)] = True
+        return found
+
+    def _along(self, start: tuple[float, float], end: tuple[float, float]) -> tuple[NDArray[np.int64], ...]:
+        """Rows and columns of the cells through which a straight line passes, not only between them."""
+        places = self._in_cells(np.linspace(start, end, int(4.0 * math.dist(start, end) / self.resolution) + 2))
+        columns, rows = np.floor(places[:, (np.abs(places - np.rint(places)) > 1e-6).all(0)]).astype(np.int64)
+        within = (rows >= 0) & (rows < self.cells.shape[0]) & (columns >= 0) & (columns < self.cells.shape[1])
+        return rows[within], columns[within]
 
     def closed(self, corners: Sequence[tuple[float, float]]) -> OccupancyMap:
         """With the inside of a polygon occupied: a zone in which no robot may be."""
         cells = self.cells.copy()
-        cells[self.inside(corners)] = OCCUPIED
+        cells[self.inside(corners, touched=True)] = OCCUPIED
         return replace(self, cells=cells)
 
 

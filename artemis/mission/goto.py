@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Self
 
 from msgspec.structs import replace
-from pydantic import Discriminator, Field, Tag
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from artemis.config import Config
 from artemis.mission.actions import FileName, FollowerUse
@@ -63,7 +63,14 @@ class Goto(Config):
     replans: Annotated[int, Field(ge=0, le=100)] = 3
     """How many times another route is planned when something stands on the present one."""
     obstacles: Obstacles | None = None
-    """In this step; if left out, as in the mission, and else with 3 cm around the outline."""
+    """In this step; if left out, as in the mission. `margin_m` and `clear_m` are 3 cm where neither states them."""
+
+    @model_validator(mode="after")
+    def _one_patience(self) -> Self:
+        own = self.obstacles
+        if own is not None and self.blocked_after_s is not None and "blocked_after_s" in own.model_fields_set:
+            raise ValueError("blocked_after_s stands here and in `obstacles`: leave one of them out")
+        return self
 
     @property
     def place(self) -> str:
@@ -83,7 +90,9 @@ class Goto(Config):
 
 def goto_rules(goto: Goto, mission: Obstacles | None, robot: RobotFile) -> ObstacleRules | None:
     """What the robot does about obstacles on its way; None: it has no scanner."""
-    rules = rules_for(goto.obstacles or mission or Obstacles(margin_m=NARROW, clear_m=NARROW), robot)
+    said = goto.obstacles or mission or Obstacles()
+    narrow = {key: NARROW for key in ("margin_m", "clear_m") if key not in said.model_fields_set}
+    rules = rules_for(said.model_copy(update=narrow), robot)
     if rules is None or goto.blocked_after_s is None:
         return rules
     return replace(rules, blocked_after=goto.blocked_after_s)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from math import radians
 from pathlib import Path, PurePosixPath
@@ -15,7 +16,7 @@ from artemis.mission.obstacles import Obstacles
 from artemis.mission.problems import nearest
 from artemis.mission.reading import Configs, MissionReading
 from artemis.plugins.contracts import AllowsRequests
-from artemis.plugins.stated import allowed
+from artemis.plugins.stated import NamesMap, allowed
 from artemis.plugins.used import localizer_used
 from artemis.values import Pose
 from artemis.vehicle import RobotFile
@@ -45,6 +46,7 @@ class GotoChecks(MissionReading):
         if "speed_m_s" in goto.follower.options:
             self._complain((*at, "follower", "speed_m_s"), "is a key of the step itself: goto: {speed_m_s: ...}")
         self._used("artemis.followers", goto.follower.plugin, (*at, "follower"), goto.follower_options)
+        self._check_same_map((*at, "map"), goto.map)
         self._check_asked((*at, "to", "from_input"), goto.asks, inputs)
         found = self._floor((*at, "map"), goto.map)
         pose = None if goto.asks else found and self._goal(at, goto, found[1])
@@ -66,6 +68,18 @@ class GotoChecks(MissionReading):
             margin=margin,
             known_behind=known_behind(rules),
         )
+
+    def _check_same_map(self, at: KeyPath, name: str) -> None:
+        """Poses on another map than the localizer's would be poses in another frame, among other walls."""
+        places: list[KeyPath] = [("simulation", "localizer")] if self._simulated else []
+        used = [self._plugins[place] for place in [*places, ("localizer",)] if place in self._plugins]
+        config = used[0][1] if used else None
+        if isinstance(config, NamesMap) and os.path.normpath(config.map) != os.path.normpath(name):
+            self._complain(
+                at,
+                f"the localizer finds the robot on {config.map}, and routes on another map would lead elsewhere: use "
+                "one map for both (`artemis map edit --zone` closes areas of it for routes alone)",
+            )
 
     def _check_asked(self, at: KeyPath, name: str, inputs: Configs) -> None:
         """The input that gives the goal; none if that is stated."""
@@ -93,7 +107,7 @@ class GotoChecks(MissionReading):
 
     def _read_floor(self, at: KeyPath, name: str) -> tuple[Floor, MapZones, ZonedMap] | None:
         from artemis.mapping.map_file import map_from
-        from artemis.route_planning.floor import ZonedMap, floor_from
+        from artemis.route_planning.floor import ZonedMap, floor_from, outside
         from artemis.route_planning.zones import MapZones, zones_file
 
         def image(image: str) -> bytes:
@@ -117,4 +131,10 @@ class GotoChecks(MissionReading):
             return None
         if zones is None or len(self._problems) > problems:
             return None
-        return floor_from(content, zones.zones), zones, ZonedMap(content, self._folder / beside, found or b"")
+        try:
+            floor = floor_from(content, zones.zones)
+        except ConfigError as error:
+            self._complain(at, f"{name}: {error}")
+            return None
+        self._remarks += [f"{beside}: {remark}" for remark in outside(content, zones)]
+        return floor, zones, ZonedMap(content, self._folder / beside, found or b"")

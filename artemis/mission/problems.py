@@ -71,6 +71,13 @@ def nearest(word: str, names: Collection[str], kind: str = "names") -> str:
     return f"; {kind}: " + ", ".join(shown) + (", ..." if len(names) > len(shown) else "")
 
 
+def plain_words(error: ValidationError) -> list[str]:
+    """What is wrong in values that stand in no file: a line for each."""
+    return [
+        f"{'.'.join(map(str, each['loc']))}: {each['msg'].removeprefix('Value error, ')}" for each in error.errors()
+    ]
+
+
 def describe(value: object) -> str:
     """A value as its writer would name it."""
     match value:
@@ -127,7 +134,7 @@ def _path(document: Document, location: KeyPath) -> KeyPath:
     part: Any = document.data
     for number, key in enumerate(location, start=1):
         last = number == len(location)
-        if isinstance(part, dict) and isinstance(key, str) and key != "[key]" and (key in part or last):
+        if isinstance(part, dict) and isinstance(key, str) and (key in part or (last and "[" not in key)):
             path.append(key)
             part = part.get(key)
         elif isinstance(part, list) and isinstance(key, int) and (key < len(part) or last):

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import os
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from artemis.errors import ConfigError
 from artemis.mission.problems import nearest
 from artemis.mission.step_checks import StepChecks
-from artemis.plugins.stated import field_of
+from artemis.plugins.stated import field_of, least_range_of
+from artemis.route_planning.zones import SUFFIX as ZONES
+from artemis.route_planning.zones import zones_file
 from artemis.states.outcomes import NO_BATTERY
-from artemis.yaml_file import KeyPath
+from artemis.yaml_file import KeyPath, dotted, read, survey
 
 if TYPE_CHECKING:
     from artemis.sim.grid import MapGrid
@@ -19,6 +21,17 @@ if TYPE_CHECKING:
     from artemis.vehicle import RobotFile
 
 _WORLD: KeyPath = ("simulation", "world")
+
+
+def _is_map(file: Path) -> bool:
+    """Whether it is the YAML file of a map, which may be replaced by another one."""
+    from artemis.mapping.map_file import MapKeys
+
+    try:
+        document, problems = survey(read(file), str(file))
+    except ConfigError:
+        return False
+    return not problems and not MapKeys(document).problems
 
 
 class SurroundingsChecks(StepChecks):
@@ -39,6 +52,9 @@ class SurroundingsChecks(StepChecks):
                 self._problems += [document.problem((*at, "plugin"), problem) for problem in error.problems]
             else:
                 self._validated(plugin.Config, document, at, mounting.options)
+                if mounting.least_range_m < (least := least_range_of(plugin)):
+                    text = f"{mounting.plugin} measures nothing nearer than {least:g} m; expected at least that"
+                    self._problems.append(document.problem((*at, "least_range_m"), text))
         for name in self._names("simulation", "scanners"):
             self._plugin(SCANNERS, "simulation", "scanners", name)
         for part in (("simulation", "scanners"), ("simulation", "true_robot", "scanners")):
@@ -116,15 +132,26 @@ class SurroundingsChecks(StepChecks):
             self._check_map_file(("mapping", "file"), mapping.file, mapping.replace)
 
     def _check_map_file(self, at: KeyPath, name: str, replace: bool) -> None:
+        from artemis.mapping.graph_file import SUFFIX as GRAPH
+
         file, root = self._folder / name, os.path.realpath(self._folder)
+        beside = [each for each in (file, file.with_suffix(".pgm"), file.with_suffix(GRAPH)) if each.exists()]
+        zones = Path(zones_file(str(file)))
         if file.suffix != ".yaml":
             self._complain(at, "name the map .yaml; its image and its graph are written beside it")
         elif os.path.isabs(name) or os.path.commonpath([root, os.path.realpath(file)]) != root:
             self._complain(at, f"outside the mission's folder {self._folder}: {name}")
         elif not file.parent.is_dir():
             self._complain(at, f"no such folder: {file.parent}")
-        elif file.exists() and not replace:
-            self._complain(at, f"{name} exists already: move it away, name another file, or add replace: true")
+        elif name.endswith(ZONES):
+            self._complain(at, f"{name}: a map's zones and places have such a name; name the map otherwise")
+        elif file.exists() and not _is_map(file):
+            self._complain(at, f"{name} exists, and is no map: name another file")
+        elif beside and not replace:
+            taken = beside[0].relative_to(self._folder)
+            self._complain(at, f"{taken} exists already: move it away, name another file, or add replace: true")
+        elif zones.exists():
+            self._remarks.append(f"{dotted(at)}: {zones.name} stays: its zones and places will count on the new map")
 
     def _scenery(self) -> tuple[Scenery | None, MapGrid | None]:
         """The world of simulated scanners, and the map in it."""

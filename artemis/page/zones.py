@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from artemis.bridges.page.session import ZoneChange
 from artemis.errors import ArtemisError, ConfigError
+from artemis.mission.problems import plain_words
 from artemis.mission.zones import read_zones, with_zone, without_zone, write_zones, zones_in
 from artemis.page.view import Part
 from artemis.route_planning.zones import MapZone, zones_file
@@ -77,18 +78,9 @@ def _zone(change: ZoneChange) -> MapZone:
     """A zone that was drawn. Raises ConfigError: it is none."""
     corners = [[round(x, DIGITS), round(y, DIGITS)] for x, y in change.corners]
     try:
-        zone = MapZone.model_validate({"kind": "keep-out", "name": change.name or None, "corners": corners})
+        return MapZone.model_validate({"kind": "keep-out", "name": change.name or None, "corners": corners})
     except ValidationError as error:
-        raise ConfigError([f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()]) from None
-    if _area(zone.corners) < 1e-4:
-        raise ConfigError("the corners of the zone lie on one line")
-    return zone
-
-
-def _area(corners: tuple[tuple[float, float], ...]) -> float:
-    """Of a polygon [m²], by the shoelace formula; one that crosses itself has less."""
-    pairs = zip(corners, (*corners[1:], corners[0]), strict=True)
-    return abs(sum(x * y2 - x2 * y for (x, y), (x2, y2) in pairs)) / 2
+        raise ConfigError(plain_words(error)) from None
 
 
 def _tag(raw: bytes) -> str:

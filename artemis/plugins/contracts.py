@@ -130,7 +130,7 @@ class Scanner(Protocol):
 
     It is described in the robot file under `scanners`; `context.robot.scanners[context.name]` is its mounting. It runs
     beside the ticks, in the run's thread, so it must never block: what it waits for, it awaits. Its class may state
-    `NeedsRealTime`, and `field_deg`: from, to where it measures, left positive, in its frame; else it is all around.
+    `NeedsRealTime`; `field_deg`, where it measures in its frame (from, to; else all around); `least_range_m`.
     """
 
     Config: ClassVar[type[Config]]

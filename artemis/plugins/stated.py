@@ -82,6 +82,13 @@ def follower_speed(config: object) -> float | None:
 
 
 @runtime_checkable
+class NamesMap(Protocol):
+    """Keys of a localizer that name the map on which it finds the robot: its YAML file, from the mission's folder."""
+
+    map: str
+
+
+@runtime_checkable
 class StatesField(Protocol):
     """A scanner whose class states in which sector it measures: from, to in its frame [degrees], left positive."""
 
@@ -91,6 +98,18 @@ class StatesField(Protocol):
 def field_of(plugin: object) -> tuple[float, float]:
     """The sector in which a scanner measures, by its class [degrees]; where that states none, all around."""
     return plugin.field_deg if isinstance(plugin, StatesField) else (-180.0, 180.0)
+
+
+@runtime_checkable
+class StatesLeastRange(Protocol):
+    """A scanner whose class states what it measures at least: nearer things it does not see [m]."""
+
+    least_range_m: float
+
+
+def least_range_of(plugin: object) -> float:
+    """What a scanner measures at least, by its class [m]; where that states nothing, 0."""
+    return plugin.least_range_m if isinstance(plugin, StatesLeastRange) else 0.0
 
 
 def _number(config: object, speed: object) -> float | None:

@@ -11,10 +11,11 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from artemis.errors import ConfigError
 from artemis.mapping.map_file import FREE_UP_TO
-from artemis.mapping.occupancy import OccupancyMap
+from artemis.mapping.occupancy import MOST_CELLS, OccupancyMap
 from artemis.motion.poses import seen_from
-from artemis.route_planning.zones import MapZone
+from artemis.route_planning.zones import MapZone, MapZones
 from artemis.values import Pose
 from artemis.vehicle import RobotFile
 
@@ -73,13 +74,23 @@ class Floor:
 
 
 def floor_from(content: OccupancyMap, zones: Sequence[MapZone] = ()) -> Floor:
-    """The floor that a map and its zones describe."""
+    """The floor that a map and its zones describe.
+
+    Raises:
+        ConfigError: the map is too large for it.
+    """
+    rows, columns = content.cells.shape
+    high, wide = rows * content.resolution, columns * content.resolution
+    if high * wide > MOST_CELLS * CELL * CELL:
+        size = f"{columns} x {rows} cells of {content.resolution:g} m are {wide:.0f} x {high:.0f} m"
+        most = f"{math.sqrt(MOST_CELLS) * CELL:.0f}"
+        raise ConfigError(f"{size}: routes are planned on {most} x {most} m at most; is the `resolution` in metres?")
 
     def in_cells(mask: Cells) -> Cells:
         return resampled(mask, content.resolution)
 
     blocked = (content.cells < 0) | (content.cells > FREE_UP_TO)
-    masks = [(zone, content.inside(zone.corners)) for zone in zones]
+    masks = [(zone, content.inside(zone.corners, touched=zone.kind != "prefer")) for zone in zones]
     for zone, mask in masks:
         if zone.kind == "keep-out":
             blocked = blocked | mask
@@ -93,6 +104,17 @@ def floor_from(content: OccupancyMap, zones: Sequence[MapZone] = ()) -> Floor:
             speed[cells] = np.minimum(speed[cells], zone.speed_m_s)
     x, y, heading = content.origin
     return Floor(occupied, factor, speed, Pose(x=x, y=y, heading=heading))
+
+
+def outside(content: OccupancyMap, known: MapZones) -> list[str]:
+    """A line for each zone and each place that lies outside of a map."""
+    zones = [
+        f"zone {zone.name or number} lies outside of the map: it has no effect"
+        for number, zone in enumerate(known.zones, 1)
+        if not content.inside(zone.corners, touched=True).any()
+    ]
+    places = [name for name, place in known.places.items() if not content.contains(place.x_m, place.y_m)]
+    return [*zones, *(f"place {name} lies outside of the map" for name in places)]
 
 
 def resampled(mask: Cells, resolution: float) -> Cells:

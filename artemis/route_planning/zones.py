@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+from math import fsum
 from pathlib import PurePath
 from typing import Annotated, Literal, Self
 
@@ -9,6 +11,8 @@ from pydantic import Field, field_validator, model_validator
 
 from artemis.config import Config, Quantity
 
+LEAST_AREA = 1e-4
+"""Of a zone [m²]."""
 SUFFIX = ".zones.yaml"
 Coordinate = Annotated[float, Quantity(0.0, 1e6, "m", signed=True)]
 Corner = Annotated[tuple[Coordinate, Coordinate], Field(strict=False)]
@@ -32,6 +36,20 @@ class MapZone(Config):
         if name is not None and not name.isprintable():
             raise ValueError("expected letters, digits, signs and blanks, on one line")
         return name
+
+    @field_validator("corners")
+    @classmethod
+    def _one_way_around(cls, corners: tuple[Corner, ...]) -> tuple[Corner, ...]:
+        edges = list(zip(corners, (*corners[1:], corners[0]), strict=True))
+        for one, other in combinations(range(len(edges)), 2):
+            if _cross(edges[one], edges[other]):
+                raise ValueError(
+                    f"its edges from corner {one + 1} and from corner {other + 1} cross: list the corners in their "
+                    "order around the zone"
+                )
+        if abs(fsum([ax * by - bx * ay for (ax, ay), (bx, by) in edges])) < 2.0 * LEAST_AREA:
+            raise ValueError("the corners lie on one line")
+        return corners
 
     @model_validator(mode="after")
     def _speed(self) -> Self:
@@ -58,7 +76,24 @@ class MapZones(Config):
     places: dict[Annotated[str, Field(pattern="^[a-z0-9-]{1,64}$")], MapPose] = Field(default_factory=dict)
     """By name: small letters, digits and hyphens."""
 
+    @model_validator(mode="after")
+    def _names(self) -> Self:
+        names = [zone.name for zone in self.zones if zone.name is not None]
+        if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
+            raise ValueError(f"two zones are called {twice[0]!r}")
+        return self
+
 
 def zones_file(map_file: str) -> str:
     """Name of the file beside a map's YAML file."""
     return str(PurePath(map_file).with_suffix(SUFFIX))
+
+
+def _cross(one: tuple[Corner, Corner], other: tuple[Corner, Corner]) -> bool:
+    """Whether two edges cross, each with ends on both sides of the other's line."""
+    return _side(one, other[0]) * _side(one, other[1]) < 0.0 and _side(other, one[0]) * _side(other, one[1]) < 0.0
+
+
+def _side(edge: tuple[Corner, Corner], point: Corner) -> float:
+    (ax, ay), (bx, by) = edge
+    return (bx - ax) * (point[1] - ay) - (by - ay) * (point[0] - ax)

@@ -16,12 +16,15 @@ from rig import CALIBRATE, MISSIONS, run, write_mission
 from artemis.errors import ConfigError
 from artemis.mapping.map_file import map_files, write_bytes
 from artemis.mapping.occupancy import OccupancyMap
+from artemis.mission.goto import Goto, goto_rules
 from artemis.mission.loading import load_mission
+from artemis.mission.obstacles import Obstacles
 from artemis.mission.walking import walk
 from artemis.motion.planned_route import route_poses
 from artemis.planning import plan_for
 from artemis.values import JobKind
 from artemis_lab.bench.goals import drive
+from artemis_lab.bench.obstacle_scenes import robot_with_scanner
 from artemis_lab.commands.bench_goto import problem
 
 pytestmark = pytest.mark.short_alignment
@@ -61,12 +64,71 @@ def mission(folder: Path, to: object = "gate", *, localizer: object = TRACKER, *
         ("gate", {"follower": {"plugin": "frenet", "speed_m_s": 0.3}}, "is a key of the step itself"),
         ("gate", {"follower": {"plugin": "frenett"}}, "frenett"),
         ("gate", {"speed_m_s": 3.0}, "is above the robot's limits"),
+        (
+            "gate",
+            {"blocked_after_s": 10, "obstacles": {"blocked_after_s": 90}},
+            "blocked_after_s stands here and in `obstacles`",
+        ),
     ],
 )
 def test_what_cannot_be_driven_to_is_refused(tmp_path: Path, to: object, keys: dict[str, Any], refused: str) -> None:
     with pytest.raises(ConfigError) as raised:
         load_mission(mission(tmp_path, to, **keys))
     assert refused in str(raised.value)
+
+
+def test_a_map_that_is_not_the_localizers_is_refused(tmp_path: Path) -> None:
+    path = mission(tmp_path, localizer={"plugin": "scan_map", "map": "./other.yaml"})
+    for suffix in (".yaml", ".zones.yaml", ".pgm"):
+        (tmp_path / f"other{suffix}").write_bytes((tmp_path / f"floor{suffix}").read_bytes())
+    with pytest.raises(ConfigError, match=r"map: the localizer finds the robot on ./other.yaml"):
+        load_mission(path)
+    path.write_text(path.read_text().replace("other", "floor"))
+    with pytest.raises(ConfigError) as raised:
+        load_mission(path)
+    assert "the localizer finds" not in str(raised.value)  # it has no scanner
+
+
+@pytest.mark.parametrize(("number", "words"), [("50", "88 x 52 cells of 50 m are 4400 x 2600 m"), ("1", "")])
+def test_a_map_that_is_too_large_for_routes_is_refused(tmp_path: Path, number: str, words: str) -> None:
+    path = mission(tmp_path, {"x_m": 30, "y_m": 30, "heading_deg": 0})
+    map_file = tmp_path / "floor.yaml"
+    map_file.write_text(map_file.read_text().replace("resolution: 0.05", f"resolution: {number}"))
+    if not words:
+        load_mission(path)
+        return
+    with pytest.raises(ConfigError, match="is the `resolution` in metres") as raised:
+        load_mission(path)
+    assert words in str(raised.value)
+
+
+def test_zones_and_places_outside_of_the_map_are_told(tmp_path: Path) -> None:
+    path = mission(tmp_path)
+    zones = tmp_path / "floor.zones.yaml"
+    far = "{name: far, kind: keep-out, corners: [[50, 1], [51, 1], [51, 2]]}"
+    zones.write_text(ZONES.replace("zones: [", f"zones: [{far}, ") + "  away: {x_m: 70, y_m: 0, heading_deg: 0}\n")
+    assert load_mission(path).remarks[:2] == (
+        "floor.zones.yaml: zone far lies outside of the map: it has no effect",
+        "floor.zones.yaml: place away lies outside of the map",
+    )
+
+
+@pytest.mark.parametrize(
+    ("said", "own", "kept"),
+    [
+        (None, None, (0.03, 0.03, 30.0)),
+        ({"blocked_after_s": 60}, None, (0.03, 0.03, 60.0)),
+        ({"margin_m": 0.2}, None, (0.2, 0.03, 30.0)),
+        ({"margin_m": 0.2}, {"clear_m": 0.1}, (0.03, 0.1, 30.0)),
+    ],
+)
+def test_a_goto_keeps_3_cm_where_its_mission_states_nothing_else(
+    said: dict[str, float] | None, own: dict[str, float] | None, kept: tuple[float, ...]
+) -> None:
+    given = Goto.model_validate({"map": "m.yaml", "to": "a", **({"obstacles": own} if own else {})})
+    rules = goto_rules(given, Obstacles.model_validate(said) if said else None, robot_with_scanner())
+    assert rules is not None
+    assert (rules.margin, rules.clear, rules.blocked_after) == kept
 
 
 def test_the_localizer_of_a_simulation_counts_where_the_run_is_simulated(tmp_path: Path) -> None:

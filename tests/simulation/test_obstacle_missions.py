@@ -195,6 +195,14 @@ def test_a_robot_whose_scanner_does_not_see_ahead_is_refused(
     load_mission(mission(tmp_path / "standing", [CALIBRATE, {"wait": {"seconds": 1}}]))
 
 
+def test_a_least_range_below_that_of_the_device_is_refused(tmp_path: Path) -> None:
+    path = mission(tmp_path, [CALIBRATE, LONG])
+    robot = tmp_path / "artemis.yaml"
+    robot.write_text(robot.read_text().replace("least_range_m: 0.5", "least_range_m: 0.05"))
+    with pytest.raises(ConfigError, match=r"least_range_m: lms1xx measures nothing nearer than 0.5 m"):
+        load_mission(path)
+
+
 def test_a_robot_without_a_scanner_cannot_stop_for_obstacles(tmp_path: Path) -> None:
     path = write_mission(tmp_path, [CALIBRATE, LONG], obstacles="stop")
 

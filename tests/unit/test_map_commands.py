@@ -47,11 +47,13 @@ def test_a_map_is_built_shown_and_edited(log: Path, tmp_path: Path) -> None:
     assert loops
     number = next(iter(loops))
     edits = ("--undo-loop", str(number), "--rotate", "90", "--crop=-8,-8,8,8", "--no-go", "1,1,2,1,2,2,1,2")
-    call("edit", made, "-o", edited, *edits)
+    assert "notice" not in call("edit", made, "-o", edited, *edits)
     assert number not in read_graph(edited.with_suffix(".graph")).graph.loops
     cells = read_map(edited)
     rows, columns = cells.cell_of(np.array([[1.5, 1.5]]))
     assert cells.cells[rows[0], columns[0]] == OCCUPIED
+    again = call("edit", edited, "-o", tmp_path / "again.yaml", "--undo-loop", str([each for each in loops][1]))
+    assert "were edited by hand: the image is drawn again from its graph, without that" in again
     edited.with_suffix(".graph").unlink()
     assert "none: there is no edited.graph" in call("show", edited, "-o", tmp_path / "b.svg")
 
@@ -85,10 +87,17 @@ def test_what_cannot_be_is_refused(log: Path, tmp_path: Path) -> None:
     assert "no scan has a point" in refused("build", tmp_path / "empty.clf", "-o", made)
     call("build", log, "-o", made)
     assert "exists already" in refused("build", log, "-o", made)
+    zones = tmp_path / "new.zones.yaml"
+    zones.write_text("places: {}\n")
+    assert "new.zones.yaml: exists already" in refused("build", log, "-o", tmp_path / "new.yaml")
+    told = call("build", log, "-o", tmp_path / "new.yaml", "--force")
+    assert "new.zones.yaml stays: its zones and places count on the new map" in told
     assert "name it .png" in refused("show", made, "-o", tmp_path / "m.txt")
     other = tmp_path / "n.yaml"
     assert "no loop 999" in refused("edit", made, "-o", other, "--undo-loop", "999")
     assert "nothing of the map lies there" in refused("edit", made, "-o", other, "--crop", "90,90,99,99")
+    assert "expected two opposite corners" in refused("edit", made, "-o", other, "--crop", "1,1,1,5")
+    assert "is an image: name the YAML file" in refused("show", made.with_suffix(".pgm"))
     assert "--no-go 1,1,2: expected 6 numbers or more" in refused("edit", made, "-o", other, "--no-go", "1,1,2")
     made.with_suffix(".graph").unlink()
     assert "no such file" in refused("edit", made, "-o", other, "--undo-loop", "1")

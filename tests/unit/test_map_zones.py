@@ -5,11 +5,15 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from map_command import call, refused
 
 from artemis.commands.map_zones import ZoneEdits, edited_zones, zones_of
 from artemis.errors import ConfigError
+from artemis.mapping.occupancy import OccupancyMap
+from artemis.route_planning.floor import floor_from
+from artemis.route_planning.zones import MapZone
 from artemis.yaml_edit import with_line, without_line
 
 MISSIONS = Path(__file__).parents[2] / "missions"
@@ -56,15 +60,55 @@ def test_a_rotated_map_takes_them_along(workshop: Path, tmp_path: Path) -> None:
     assert list(zones_of(workshop).places) == ["charger", "bench", "store", "gate"]
 
 
+def test_zones_of_an_earlier_map_do_not_stay_beside_another(workshop: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other.yaml"
+    call("edit", workshop, "-o", other, "--rotate", "90")
+    workshop.with_name("workshop.zones.yaml").unlink()
+    assert "other.zones.yaml: exists already" in refused("edit", workshop, "-o", other, "--rotate", "0")
+    told = call("edit", workshop, "-o", other, "--rotate", "180", "--force")
+    assert f"removed, as {workshop} has none" in told
+    assert not zones_of(other).places
+
+
+def test_a_name_of_zones_is_no_name_of_a_map(workshop: Path, tmp_path: Path) -> None:
+    told = refused("edit", workshop, "-o", tmp_path / "other.zones.yaml", "--rotate", "90")
+    assert "a map's zones and places have such a name" in told
+
+
+def test_what_lies_outside_of_the_map_is_told(workshop: Path) -> None:
+    told = call("edit", workshop, "--zone", "far=keep-out:50,1,51,1,51,2", "--place", "away=70,0,0")
+    assert "notice      zone far lies outside of the map: it has no effect" in told
+    assert "notice      place away lies outside of the map" in told
+
+
+def test_two_zones_of_one_name_are_refused(workshop: Path) -> None:
+    beside = workshop.with_name("workshop.zones.yaml")
+    beside.write_text(beside.read_text().replace("name: doors", "name: lane"))
+    assert "two zones are called 'lane'" in refused("show", workshop)
+
+
+def test_a_keep_out_zone_closes_each_cell_that_it_touches() -> None:
+    content = OccupancyMap(cells=np.zeros((20, 20), np.int8), resolution=0.05, origin=(0.0, 0.0, 0.0))
+    thin = MapZone(kind="keep-out", corners=((0.1, 0.21), (0.9, 0.21), (0.9, 0.22), (0.1, 0.22)))
+    closed = np.argwhere(floor_from(content, [thin]).occupied)
+    assert closed.tolist() == [[4, column] for column in range(2, 18)]
+    whole = MapZone(kind="keep-out", corners=((0.1, 0.2), (0.3, 0.2), (0.3, 0.4), (0.1, 0.4)))
+    assert floor_from(content, [whole]).occupied.sum() == 16
+    preferred = thin.model_copy(update={"kind": "prefer"})
+    assert (floor_from(content, [preferred]).factor == 1.0).all()
+
+
 @pytest.mark.parametrize(
     ("words", "problem"),
     [
         ([], "nothing to be done"),
         (["--rotate", "3"], "--output MAP: name the corrected map"),
-        (["--zone", "x=slow:1,1,2,2,3,3"], "kind: slow and speed_m_s belong together"),
+        (["--zone", "x=slow:1,1,2,2,3,1"], "kind: slow and speed_m_s belong together"),
         (["--zone", "x=keep-out:1,1,2,2"], "--zone x 1,1,2,2: expected 6 numbers or more"),
         (["--zone", "keep-out:1,1,2,2,3,3"], "expected NAME=KIND"),
-        (["--zone", "lane=keep-out:1,1,2,2,3,3"], "there is a zone 'lane' already"),
+        (["--zone", "x=keep-out:1,1,2,2,3,3"], "--zone x: corners: the corners lie on one line"),
+        (["--zone", "x=keep-out:1,1,2,2,2,1,1,2"], "its edges from corner 1 and from corner 3 cross: list the corners"),
+        (["--zone", "lane=keep-out:1,1,2,2,3,1"], "there is a zone 'lane' already"),
         (["--place", "store=1,1,1"], "there is a place 'store' already"),
         (["--place", "Big=1,1,1"], "--place Big: places"),
         (["--place", "a"], "expected NAME=X,Y,DEG"),

@@ -93,6 +93,7 @@ def shown(localizer: ScanMapLocalizer, ticks: range) -> list[PoseFix]:
             {},
             "scanner: choose one of front, rear",
         ),
+        ({}, {"start": {**START, "x_m": 1000.0}}, r"start: \(1000, 0\) lies outside of maps/room.yaml"),
         ({"files": {}}, {}, "map: no 'maps/room.yaml' among the mission's files"),
         ({"files": {"maps/room.yaml": FILES["maps/room.yaml"]}}, {}, "map: no 'maps/room.pgm'"),
         ({"files": {**FILES, "maps/room.yaml": b"image: room.pgm\nresolution: 0\n"}}, {}, r"room.yaml:2:1: resolution"),

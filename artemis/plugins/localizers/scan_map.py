@@ -82,6 +82,9 @@ class ScanMapLocalizer:
         self._config, self._context, self._name = config, context, context.name
         self._scanner = _scanner(config.scanner, context)
         self._known = _map(config.map, context)
+        if isinstance(config.start, StartPose) and not self._known.contains(config.start.x_m, config.start.y_m):
+            place = f"({config.start.x_m:g}, {config.start.y_m:g})"
+            raise ConfigError(f"{self._name}: start: {place} lies outside of {config.map}")
         self._odometry = RecentOdometry(context.robot)
         self._waiting: Scan | None = None
         self._next = -inf

@@ -40,6 +40,7 @@ class Lms1xxScanner:
     Config: ClassVar[type[Config]] = Lms1xxConfig
     contract: ClassVar[int] = 1
     field_deg: ClassVar[tuple[float, float]] = (-135.0, 135.0)
+    least_range_m: ClassVar[float] = 0.5  # "working range 0.5 m to 20 m": data sheet of the LMS100
 
     def __init__(self, config: Lms1xxConfig, context: PluginContext) -> None:
         """Nothing is opened before it runs."""
