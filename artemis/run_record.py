@@ -29,6 +29,7 @@ from artemis.recording.journal import Entry, Journal, Level
 from artemis.recording.mcap_writer import JOURNAL, Recorder
 from artemis.recording.provenance import Provenance, ResumePoint, first_entries
 from artemis.recording.resume import BROKEN
+from artemis.recording.routes import packed_routes
 from artemis.recording.run_folder import create_run_folder, keep_calibration, keep_paths
 from artemis.states.plan import FollowStep, Plan, Results
 from artemis.supervision import catalogue
@@ -240,5 +241,6 @@ def provenance_of(
         mission=mission.model_dump_json(by_alias=True).encode(),
         robot=loaded.robot.model_dump_json().encode(),
         files=files_of(loaded, source),
+        routes=packed_routes(loaded.routes) if loaded.routes else b"",
         resume_point=resume_point,
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,7 @@ def replay_run(run: Path) -> int:
             {} if has_page(recording.mission) else None
         )  # that one was added by the command line, or is there
         loaded = load_mission(_unpack(recording, Path(folder)), simulated, tried=False, page=page)
+        loaded = replace(loaded, routes={**loaded.routes, **recording.routes})
         result = replay(recording, core_from(loaded, recording.resume_point, simulated))
     if not result.ticks:
         raise RecordingError(f"{recording.path}: holds no tick; {recording.missing or 'nothing to recompute'}")

@@ -21,11 +21,13 @@ from pydantic import ValidationError
 
 from artemis.devices.can_bus import Frame
 from artemis.errors import RecordingError
+from artemis.motion.route import Route
 from artemis.recording import schemas
 from artemis.recording.journal import Entry, JournalContent, Level, read_journal
 from artemis.recording.mcap_contents import DAMAGE, TICKS, contents_of
 from artemis.recording.mcap_records import BoundedFile, Message, content_of, messages_in
 from artemis.recording.provenance import ResumePoint
+from artemis.recording.routes import ROUTES, unpacked_routes
 from artemis.recording.schemas import TickRecord
 from artemis.vehicle import RobotFile
 
@@ -108,6 +110,18 @@ class Recording:
             return msgspec.json.decode(self.attachments.get("mission.json", b""), type=dict[str, Any])
         except _NOT_UNDERSTOOD as error:
             raise RecordingError(f"{self.path}: mission.json in it is damaged: {error}") from error
+
+    @property
+    def routes(self) -> dict[int, Route]:
+        """The routes that the run drove, by the number of their step; none in recordings of earlier versions.
+
+        Raises:
+            RecordingError: they are damaged.
+        """
+        try:
+            return unpacked_routes(self.attachments[ROUTES]) if ROUTES in self.attachments else {}
+        except ValueError as error:
+            raise RecordingError(f"{self.path}: {ROUTES} in it is damaged: {error}") from error
 
     @property
     def files(self) -> dict[str, bytes]:

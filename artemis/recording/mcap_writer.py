@@ -26,6 +26,7 @@ from artemis.recording.event_log import EventLog
 from artemis.recording.journal import Entry, Journal, Level
 from artemis.recording.mcap_file import McapFile
 from artemis.recording.provenance import Provenance, made_with
+from artemis.recording.routes import ROUTES
 from artemis.recording.schemas import encode, pack_frames, spatial_pose, tick_record
 from artemis.scan import Scan
 from artemis.values import Pose, Snapshot, Tick
@@ -240,6 +241,8 @@ class Recorder:
         self._writer.add_metadata("artemis", versions)
         if provenance.resume_point is not None:
             self._attach("resume_point.json", encode(provenance.resume_point))
+        if provenance.routes:
+            self._attach(ROUTES, provenance.routes)
         self._attach("mission.json", provenance.mission)
         self._attach("robot.json", provenance.robot)
         for name, content in provenance.files.items():

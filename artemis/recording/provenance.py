@@ -44,8 +44,10 @@ class Provenance:
     """The resolved robot, JSON."""
     files: Mapping[str, bytes]
     """Contents of every file that the mission names, by the name there."""
+    routes: bytes = b""
+    """Those of the mission's path files, as `packed_routes`; none: the mission has none."""
     resume_point: ResumePoint | None = None
-    """The run that is gone on with."""
+    """The run that is resumed."""
 
 
 def made_with() -> dict[str, str]:

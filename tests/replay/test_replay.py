@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import os
+import platform
 import random
+import shutil
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from disturbance import random_disturbance
 from msgspec.structs import replace
-from rig import CALIBRATE, STICK, TELEOP, Rig, Run, follow, run, stick, straight, write_mission
+from rig import CALIBRATE, MISSIONS, STICK, TELEOP, Rig, Run, follow, run, stick, straight, write_mission
 
 from artemis.commands.replay import replay_run
 from artemis.mission.loading import load_mission
+from artemis.motion import path as path_module
+from artemis.motion import spline
 from artemis.planning import core_from
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.replay import replay
@@ -22,6 +30,7 @@ from artemis.values import DriveFeedback, Mode
 pytestmark = pytest.mark.short_alignment
 
 STEPS = [CALIBRATE, follow(0.4)]
+BENT = "x,y\n" + "".join(f"{x / 10:.2f},{(x / 10) ** 2 / 8:.4f}\n" for x in range(16))
 NOISY = {"potentiometer_noise_v": 0.005, "slip": 0.01, "steering_zero_left_deg": 0.5}
 TABLE = stick((0.0, 0.0, 0.0, 0), (5.9, 0.2, 0.6, 1), (7.4, -0.4, -0.5, 1), (8.9, 0.0, 0.0, 0))
 
@@ -214,3 +223,34 @@ def test_another_seed_gives_another_run_where_there_is_noise(tmp_path: Path) -> 
 def test_without_anything_random_the_seed_does_not_matter(tmp_path: Path) -> None:
     one, other = (run(write_mission(tmp_path / str(seed), STEPS, simulation={"seed": seed})) for seed in (1, 2))
     assert records(one) == records(other)
+
+
+# ---------------------------------------------------------------------------------------------- another computer
+
+
+def test_a_replay_drives_the_route_of_the_run_whatever_it_is_made_into_here(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As on another processor, where numpy and scipy give other last bits."""
+    seen = run(write_mission(tmp_path, [CALIBRATE, follow(0.4, path="bent.csv")], {"bent.csv": BENT}))
+    assert seen.outcome is not None
+    exact = spline.smoothed
+    monkeypatch.setattr(path_module, "smoothed", lambda *given: exact(*given) * (1.0 + 1e-15))
+    assert replay(recorded(seen), core_from(load_mission(seen.mission))).difference is not None
+    assert replay_run(seen.outcome.run.path) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="names kernels of x86 processors")
+@pytest.mark.parametrize("name", ["follow_corner", "three_point_turn"])
+def test_a_run_of_one_processor_replays_as_on_another(tmp_path: Path, name: str) -> None:
+    missions = shutil.copytree(MISSIONS, tmp_path / "missions", ignore=shutil.ignore_patterns("runs"))
+    vectors = " ".join(np.show_config(mode="dicts")["SIMD Extensions"].get("found", []))
+    here = {"OPENBLAS_CORETYPE": "Haswell"}
+    there = {"OPENBLAS_CORETYPE": "Prescott", "NPY_DISABLE_CPU_FEATURES": vectors}
+    for command, processor in (("run", here), ("replay", there)):
+        where = missions / f"{name}.yaml" if command == "run" else next((missions / "runs").iterdir())
+        words = [sys.executable, "-m", "artemis", command, str(where)]
+        done = subprocess.run(words, env={**os.environ, **processor}, capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout + done.stderr
+    assert "every command equal, bit for bit" in done.stdout
