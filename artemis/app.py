@@ -110,7 +110,7 @@ Watch = Callable[[Tick, Traffic], None]
 def resumption_from(
     loaded: LoadedMission, source: FilePath, run: FilePath, simulate: bool = False
 ) -> tuple[ResumePoint, list[str]]:
-    """Where the run in folder `run` stopped, for going on with it; and what an operator should know before.
+    """Where the run in folder `run` stopped, for resuming it; and what an operator should know before.
 
     Raises:
         ConfigError: it cannot be resumed.
@@ -257,7 +257,7 @@ class _Run:
         return localizer
 
     def _last_pose(self) -> Pose | None:
-        """Where the run that is gone on with stopped, or the last one of this mission ended, on the map."""
+        """Where the run that is resumed stopped, or the last one of this mission ended, on the map."""
         if self.resume_point is not None:
             return self.resume_point.pose
         root, mission = self.record.folder.path.parent, self.loaded.mission.mission
@@ -302,7 +302,7 @@ def run_mission(
         operator: Somebody at a terminal; None: nobody can acknowledge and arm.
         witness: Puts itself around the simulated world: hears every frame on its wire and sees what truly moves.
         start: Date and time on the wall at run time 0; None: now.
-        resume_point: The run to go on with.
+        resume_point: The run to resume.
         parts: What is to be another than the mission says.
 
     Raises:

@@ -98,7 +98,7 @@ def stall(seconds: float) -> None:
         loop = asyncio.get_running_loop()
     except RuntimeError:
         return
-    hold = getattr(loop, "skip", time.sleep)  # on virtual time nothing has to be waited for
+    hold = loop.skip if isinstance(loop, SimulatedLoop) else time.sleep  # on virtual time nothing is waited for
     hold(seconds)
 
 

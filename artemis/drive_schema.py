@@ -269,7 +269,7 @@ def _errors(words: Cia402) -> Iterator[tuple[KeyPath, str]]:
 
 
 def _option_codes(words: Cia402) -> Iterator[tuple[KeyPath, str]]:
-    """Those with which a wheel would go on turning."""
+    """Those with which a wheel would keep turning."""
     if words.option_codes.abort_connection == NO_REACTION.value:
         text = "0 is no reaction: without a heartbeat the drive would keep its last set-point"
         yield ("cia402", "option_codes", "abort_connection"), text

@@ -63,7 +63,7 @@ def opened(
 
     Args:
         loaded: The mission.
-        resume_point: The run that is gone on with: a simulated robot stands where that stopped.
+        resume_point: The run that is resumed: a simulated robot stands where that stopped.
         witness: Puts itself around the simulated world.
         machine: Opens another bus than the mission's.
         sensors: Opens devices that the robot file does not know.

@@ -1,4 +1,4 @@
-"""The error family: raised where the program cannot go on at that place.
+"""The error family: raised where the program cannot continue at that place.
 
     ArtemisError
      ├ ConfigError                       something in a file; collected, before any motion

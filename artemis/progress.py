@@ -58,7 +58,7 @@ class Position(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """In the words around it (`artemis.states.advance.Place`, JSON); empty: the mission is a list of steps."""
     faults: tuple[str, ...] = ()
     """The fault table's ids of what stopped the step, the most severe first, as far as a `try` of the mission names
-    them: it is told of them when the robot may go on."""
+    them: it is told of them when the robot may continue."""
     answer: str = ""
     """The newest one to a question of the mission."""
     told: tuple[SignalValue, ...] = ()

@@ -182,7 +182,7 @@ class RunRecord:
             observer.see(tick, traffic, now)
 
     def faults(self, attended: bool) -> Iterator[Fault]:
-        """What goes wrong is a warning; no operator present and no journal: the run is not gone on with."""
+        """What goes wrong is a warning; no operator present and no journal: the run does not continue."""
         for id, name, seen in self.recorder.take_problems():
             severity = Severity.CONTROLLED_STOP if name == JOURNAL and not attended else None
             yield catalogue.fault(id, "", seen, severity)

@@ -282,7 +282,7 @@ class Verdict(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     recovers: bool = False
     """Whatever stops the robot will be forgotten without a person, once its cause is gone."""
     resumes: bool = False
-    """As `recovers`, and the mission says that the robot may go on by itself then."""
+    """As `recovers`, and the mission says that the robot may continue by itself then."""
     alarm: bool = False
     """The robot does not stop, whatever is done: only the hardware emergency stop is left."""
 
@@ -298,7 +298,7 @@ class Verdict(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
 
     @property
     def limits(self) -> bool:
-        """The robot may go on, slowly."""
+        """The robot may continue, slowly."""
         return self.severity is Severity.LIMIT
 
 

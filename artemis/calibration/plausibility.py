@@ -16,7 +16,7 @@ from artemis.errors import CalibrationError, ConfigError
 PIECE = 20.0
 """Runs are compared in pieces of so many wheelbases: longer ones diverge by small errors, too."""
 UNEXPLAINED = 0.1
-"""Share of the truth's spread in a piece that a described machine leaves at most, wrong by several of its bands."""
+"""Share of the truth's variance in a piece that a described machine leaves at most, wrong by several of its bands."""
 BETTER = 4.0
 """Another sign or unit explains the runs if it leaves so many times less."""
 CANDIDATES = (
@@ -68,12 +68,12 @@ def refuse_unexplained(runs: Sequence[Run], machine: Kinematics) -> None:
 
 
 def unexplained(runs: Sequence[Run], machine: Kinematics) -> float:
-    """Share of the truth's spread that the odometry leaves, in pieces that are each aligned with the truth.
+    """Share of the truth's variance that the odometry leaves, in pieces that are each aligned with the truth.
 
     Raises:
         ConfigError: truth and runs have no time in common.
     """
-    left, spread = 0.0, 0.0
+    left, variance = 0.0, 0.0
     for run in runs:
         case = case_of(run, machine)
         odometry = case.averaged(dead_reckoned(run.log, machine), (0.0, 0.0, 0.0))
@@ -83,8 +83,8 @@ def unexplained(runs: Sequence[Run], machine: Kinematics) -> float:
             a, b = true[piece] - true[piece].mean(), own[piece] - own[piece].mean()
             turned = b * np.exp(1j * np.angle(np.vdot(b, a)))
             left += float(np.sum(np.abs(a - turned) ** 2))
-            spread += float(np.sum(np.abs(a) ** 2))
-    return left / spread if spread else 0.0
+            variance += float(np.sum(np.abs(a) ** 2))
+    return left / variance if variance else 0.0
 
 
 def _tried(runs: Sequence[Run], base: Kinematics, steering: float, distance: float) -> float:

@@ -63,7 +63,7 @@ def run_and_report(
 ) -> int:
     """Run the mission in `source`, print the summary, write its report. Returns the exit status.
 
-    `resume` is an earlier run of it, to go on with where that stopped; `page`: serve a page for operators, with these
+    `resume` is an earlier run of it, to be resumed where that stopped; `page`: serve a page for operators, with these
     keys of its observer. A run that `artemis page` starts is of what was `checked` there (`content_hash`).
 
     Raises:

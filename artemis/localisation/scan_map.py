@@ -113,7 +113,7 @@ def surface_of_cells(content: OccupancyMap) -> Array:
     count = there.sum(1)
     centre = beside.sum(1) / count[:, None]
     off = np.where(there[:, :, None], beside - centre[:, None], 0.0)
-    spread, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", off, off))
-    line = (count >= _LEAST) & (spread[:, 0] < _THIN**2 * spread[:, 1])
+    eigenvalues, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", off, off))
+    line = (count >= _LEAST) & (eigenvalues[:, 0] < _THIN**2 * eigenvalues[:, 1])
     normal = np.where(line[:, None], axes[:, :, 0], 0.0)
     return np.asarray(np.c_[points - normal * ((points - centre) * normal).sum(1, keepdims=True), normal])

@@ -145,7 +145,7 @@ class ChargeEstimate:
             state[CURRENT] = 0.0
             for place in PLACES:
                 var[CURRENT][place] = var[place][CURRENT] = 0.0
-        self._spread(idle_share, drive_share, seconds)
+        self._predict(idle_share, drive_share, seconds)
         taken = self._scaled(idle_share, drive_share) - state[CURRENT] * seconds
         rest, slope = battery.voltage_at(state[CHARGE] + 0.5 * taken)
         drop = battery.resistance_ohm * self._coulombs / seconds * taken
@@ -153,23 +153,23 @@ class ChargeEstimate:
         moves = [slope, -ohms * idle_share, -ohms * drive_share, -drop, state[OHM] * self._lifts]
         off = self._volts / seconds - (rest - state[OHM] * drop)
         towards = [total(a * b for a, b in zip(row, moves, strict=True)) for row in var]
-        spread = total(a * b for a, b in zip(moves, towards, strict=True)) + NOISE**2
-        if stands and off * off > UNEXPLAINED**2 * spread:  # as much as it is off is the charger's
+        variance = total(a * b for a, b in zip(moves, towards, strict=True)) + NOISE**2
+        if stands and off * off > UNEXPLAINED**2 * variance:  # as much as it is off is the charger's
             var[CURRENT][CURRENT] += (off / moves[CURRENT]) ** 2
             towards[CURRENT] += off * off / moves[CURRENT]
-            spread += off * off
+            variance += off * off
         charger = (CHARGE, CURRENT) if var[CURRENT][CURRENT] else ()
         learnt: Iterable[int] = (CHARGE, IDLE, FORCE, OHM) if drives else charger
         for place in learnt:
-            state[place] += towards[place] / spread * off
+            state[place] += towards[place] / variance * off
         for place, column in product(PLACES, repeat=2):
             if place in learnt or column in learnt:
-                var[place][column] -= towards[place] * towards[column] / spread
+                var[place][column] -= towards[place] * towards[column] / variance
         state[CHARGE] = min(max(state[CHARGE], 0.0), 1.0)
         state[IDLE:CURRENT] = [min(max(multiple, 0.3), 3.0) for multiple in state[IDLE:CURRENT]]
         self._seconds = self._stood = self._volts = self._idle_share = self._drive_share = 0.0
 
-    def _spread(self, idle_share: float, drive_share: float, seconds: float) -> None:
+    def _predict(self, idle_share: float, drive_share: float, seconds: float) -> None:
         """The charge becomes as uncertain as what was taken and charged; what the robot file says drifts."""
         var, moved = self._var, ((IDLE, -idle_share), (FORCE, -drive_share), (CURRENT, seconds))
         for place in PLACES:

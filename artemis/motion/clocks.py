@@ -34,7 +34,7 @@ AMBIGUOUS, ALIKE = 1.5, 1e-4
 DISAGREEMENT = 0.1
 """Motions that disagree by more are not of one run; 1: they have nothing to do with each other."""
 REST = 0.1
-"""Nor those whose distances still differ by more when clock and odometry are mended, as a share."""
+"""Nor those whose distances still differ by more when clock and odometry are corrected, as a share."""
 DRIFT = 0.05
 """Clocks that differ by more are none."""
 DRIFT_SIGMA = 2e-3
@@ -48,7 +48,7 @@ NUDGE = 0.1
 TINY = 1e-4
 """No chord [m] and no turn [rad] agrees better."""
 BIT = 1e-4
-"""By which the odometry is mended to see what follows."""
+"""By which the odometry is corrected to see what follows."""
 PRIOR = np.array([np.inf, DRIFT, 0.1, 0.1, 0.1])
 """Standard deviations of what the least squares look for, as far as the motion does not tell; the offset is free."""
 ONE_CLOCK = "if the truth has the run's own clock, say so with --same-clock"
@@ -259,7 +259,7 @@ def _refined(
         if abs(step[0]) < 1e-4 and abs(step[1]) < 1e-6:
             break
     if one_point:
-        _check(clock, _mended(run, wrong), truth, max(windows))
+        _check(clock, _corrected(run, wrong), truth, max(windows))
     variances = OVERLAP * np.linalg.inv(normal)
     gain = variances[:, 1] / (variances[1, 1] + DRIFT_SIGMA**2)
     clock = replace(clock, offset=clock.offset - gain[0] * clock.drift, drift=clock.drift - gain[1] * clock.drift)
@@ -273,10 +273,10 @@ def _refined(
     return replace(clock, offset_sigma=float(sigma[0]), drift_sigma=float(sigma[1]))
 
 
-def _check(clock: Clock, mended: Trajectory, truth: Trajectory, window: float) -> None:
-    """Refuse chords that differ though everything that may be wrong was mended."""
-    time = np.arange(mended.time[0], mended.time[-1], window / 4)
-    own, theirs = _motion(mended, time, window, "chord"), _motion(truth, time, window, "chord", clock)
+def _check(clock: Clock, corrected: Trajectory, truth: Trajectory, window: float) -> None:
+    """Refuse chords that differ though everything that may be wrong was corrected."""
+    time = np.arange(corrected.time[0], corrected.time[-1], window / 4)
+    own, theirs = _motion(corrected, time, window, "chord"), _motion(truth, time, window, "chord", clock)
     known = np.isfinite(own - theirs)
     if np.sum((own - theirs)[known] ** 2) > REST**2 * np.sum(own[known] ** 2):
         raise ConfigError("the motions do not agree: is it the truth of this run?")
@@ -290,15 +290,15 @@ def _linearised(
     windows: Sequence[float],
     kinds: Sequence[str],
 ) -> _Equations:
-    mended = _mended(run, wrong)
-    others = [_mended(run, wrong + BIT * unit) for unit in np.eye(3)]
+    corrected = _corrected(run, wrong)
+    others = [_corrected(run, wrong + BIT * unit) for unit in np.eye(3)]
     parts = []
     for window in windows:
         time = np.arange(run.time[0] + window / 2, run.time[-1] - window / 2, window / OVERLAP)
         for kind in kinds:
-            own = _motion(mended, time, window, kind)
+            own = _motion(corrected, time, window, kind)
             error = own - _motion(truth, time, window, kind, clock)
-            later, earlier = (_motion(mended, time + shift, window, kind) for shift in (NUDGE, -NUDGE))
+            later, earlier = (_motion(corrected, time + shift, window, kind) for shift in (NUDGE, -NUDGE))
             slope = (earlier - later) / (2 * NUDGE)  # of the odometry, for it is smooth: noise of the truth has no part
             changes = [(_motion(other, time, window, kind) - own) / BIT for other in others]
             slopes = np.column_stack([slope, slope * (time - clock.middle), *changes])
@@ -308,7 +308,7 @@ def _linearised(
     return _Equations(time=time, error=error, slopes=slopes, weight=weight)
 
 
-def _mended(run: Trajectory, wrong: Array) -> Trajectory:
+def _corrected(run: Trajectory, wrong: Array) -> Trajectory:
     """What the odometry would have been with its distance scaled, bent [rad/m], and with its turns scaled."""
     scale, bend, turn_scale = wrong
     steps = np.diff(run.poses[:, :2], axis=0)

@@ -32,8 +32,8 @@ POSITION_WALK, HEADING_WALK = 0.01, radians(1)
 POSITION_CREEP, HEADING_CREEP = 0.001, radians(0.05)
 """What is lost in one second by itself [m, rad]: no fix is believed for ever, even at rest; grows with the root."""
 GATE = 16.27
-"""A fix is believed up to this squared distance in its own and the estimate's spread: chi-square with three degrees of
-freedom, 0.999."""
+"""A fix is believed up to this squared distance in its own and the estimate's covariance: chi-square with three
+degrees of freedom, 0.999."""
 AGREEING, AGREEING_TIME = 5, 1.0
 """So many fixes in a row that agree with each other, over so long [s], are believed whatever was before."""
 CORRECTION, TURNING = 0.1, radians(5)
@@ -273,8 +273,8 @@ def _joined(estimate: _Estimate, fix: _Estimate) -> _Estimate | None:
         fix.pose.y - expected.pose.y,
         difference(fix.pose.heading, expected.pose.heading),
     )
-    spread = [p + r for p, r in zip(expected.covariance, fix.covariance, strict=True)]
-    inverse = _rows(_inverse(*spread))
+    innovation = [p + r for p, r in zip(expected.covariance, fix.covariance, strict=True)]
+    inverse = _rows(_inverse(*innovation))
     weighed = [a * off[0] + b * off[1] + c * off[2] for a, b, c in inverse]
     if not _dot(weighed, off) <= GATE:
         return None

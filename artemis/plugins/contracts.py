@@ -64,7 +64,7 @@ class PluginContext:
     """Where the robot was on the map when its last run of this mission ended; where a run is resumed, when that
     stopped. None: not known."""
     resumed: bool = False
-    """The run goes on with an earlier one: the robot stands at `last_pose`."""
+    """The run resumes an earlier one: the robot stands at `last_pose`."""
     map: Callable[[], ShownMap | None] = lambda: None
     """The map of the run as it is at present, the same object until it changes, for an observer: that on which the
     localizer finds the robot, or the one that is made. None: there is none yet, or none at all."""

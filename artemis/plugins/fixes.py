@@ -27,8 +27,8 @@ def _is_whole(fix: object) -> bool:
     if not isinstance(fix, PoseFix) or not isinstance(fix.pose, Pose) or not isinstance(fix.source, str):
         return False
     numbers = (fix.time, fix.pose.x, fix.pose.y, fix.pose.heading, fix.quality, fix.doubt)
-    for spread in (fix.covariance, fix.common):
-        if not isinstance(spread, tuple) or len(spread) not in (0, 6):
+    for matrix in (fix.covariance, fix.common):
+        if not isinstance(matrix, tuple) or len(matrix) not in (0, 6):
             return False
     return all(isinstance(number, _NUMBER) for number in (*numbers, *fix.covariance, *fix.common))
 
@@ -45,7 +45,7 @@ def _plain(fix: PoseFix) -> PoseFix | None:
         return None
     if not (0.0 <= quality <= 1.0 and 0.0 <= doubt <= FARTHEST):
         return None
-    if not all(is_positive(*spread) for spread in (covariance, common) if spread):
+    if not all(is_positive(*matrix) for matrix in (covariance, common) if matrix):
         return None
     return PoseFix(
         time=time,

@@ -166,7 +166,7 @@ class Recording:
 
     @cached_property
     def resume_point(self) -> ResumePoint | None:
-        """The run that this one goes on with.
+        """The run that this one resumes.
 
         Raises:
             RecordingError: its description is damaged.

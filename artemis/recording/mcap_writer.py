@@ -47,7 +47,7 @@ _Observed = tuple[Tick, Traffic, Pose | None, float]
 class Recorder:
     """Records a run. `threaded` (real time): a thread writes, and a tick waits for nothing; else complete at once.
 
-    A disk that refuses never raises here once the run has begun: the recording ends where it is, the journal goes on,
+    A disk that refuses never raises here once the run has begun: the recording ends where it is, the journal continues,
     and `troubles` says so.
     """
 

@@ -1,4 +1,4 @@
-"""What a run is made from: its files, and the run that it goes on with."""
+"""What a run is made from: its files, and the run that it resumes."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from artemis.values import Pose
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResumePoint:
-    """Where an earlier run stopped, and this one goes on."""
+    """Where an earlier run stopped, and this one resumes it."""
 
     run: str
     """Name of the earlier run's folder."""
     position: Position
     """How far the mission was done."""
     pose: Pose
-    """Where it was then: the odometry of the run that goes on begins there."""
+    """Where it was then: the odometry of the resuming run begins there."""
     true_pose: Pose | None = None
     """Where the robot really was, in the same frame, if the recording knows."""
     tracks: dict[str, Track] = field(default_factory=dict)
@@ -64,7 +64,7 @@ def first_entries(
     remarks: Sequence[str] = (),
     ignored: Sequence[str] = (),
 ) -> list[Entry]:
-    """How a journal begins: of what it is, and since when; which run goes on; what was wrong before the start.
+    """How a journal begins: of what it is, and since when; which run is resumed; what was wrong before the start.
 
     And what was changed in the mission's paths; and where the robot may touch obstacles, which is among the remarks.
     """

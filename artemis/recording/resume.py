@@ -1,4 +1,4 @@
-"""Where a run stopped, from what it left behind, so that another can go on there."""
+"""Where a run stopped, from what it left behind, so that another can resume it."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def where_it_stopped(
         run: Its folder, or its recording; a damaged one counts as far as it is whole.
         files: The mission file and all that it names, as they are now.
         steps: How many the mission has.
-        simulated: The run that goes on with it is.
+        simulated: The run that resumes it is.
         root: Where the mission's runs lie.
 
     Raises:

@@ -72,7 +72,7 @@ class Summary:
     faults: tuple[str, ...]
     """Each fault as it came."""
     resumed: str | None
-    """The run that this one goes on with."""
+    """The run that this one resumes."""
 
 
 def summary(recording: Recording, series: Series | None = None) -> Summary:

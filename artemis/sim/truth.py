@@ -13,7 +13,7 @@ class Truth:
     """The true pose in the frame `odom`, whose origin is the true pose where the odometry was reset; or a fixed one."""
 
     def __init__(self, world: World, origin: Pose, *, fixed: bool = False) -> None:
-        """`origin`: until the odometry is reset, which a run does not that goes on with another; `fixed`: for good."""
+        """`origin`: until the odometry is reset, which a run does not that resumes another; `fixed`: for good."""
         self._world, self._origin, self._fixed = world, origin, fixed
 
     def pose(self, tick: Tick) -> Pose:

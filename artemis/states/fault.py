@@ -90,9 +90,9 @@ class FaultMode(RoutineMode):
         """One tick more, with the reason why."""
         verdict, present = snapshot.verdict, snapshot.verdict.faults[0]
         late = snapshot.time > latest
-        goes_on = verdict.recovers and not self.bring_up.held and (verdict.resumes or self.bring_up.armed)
+        continues = verdict.recovers and not self.bring_up.held and (verdict.resumes or self.bring_up.armed)
         answers = snapshot.sensed.attended if self._insecure else may_answer(snapshot)
-        alone = not (answers or goes_on)
+        alone = not (answers or continues)
         if late or alone or is_second(self.shared, snapshot):
             phase = "no operator to acknowledge" if alone and not verdict.final else "fault"
             return (yield give_up(replace(idle, phase=phase), late=late))

@@ -14,11 +14,11 @@ from artemis.motion.route import Route
 from artemis.plugins.contracts import Following
 from artemis.progress import SHORT
 from artemis.states.blocked import is_blocked
+from artemis.states.distance_left import distance_after
 from artemis.states.gains import OscillationDetector
 from artemis.states.mode import stand
 from artemis.states.parts import PartByPart
 from artemis.states.plan import FollowStep, GotoStep, Shared
-from artemis.states.way_ahead import way_ahead
 from artemis.supervision import catalogue
 from artemis.values import Event, Fault, Pose, Severity, Snapshot, Tracking, Wish
 
@@ -74,7 +74,7 @@ class FollowMode:
             return
         begun = step is self._begun and self._entry == self.shared.entry and self._planned is self.shared.route.planned
         if (drive := self._drive if begun else None) is not None:
-            drive.go_on()
+            drive.resume()
             return
         try:
             route = self._route(step)
@@ -82,7 +82,7 @@ class FollowMode:
             self._fault = catalogue.fault("PTH-01", "", "; ".join(error.problems), Severity.CONTROLLED_STOP)
             return
         rest = self._rest(route, step, snapshot.pose.pose)
-        self._after = way_ahead(self.shared.tree, self.shared.position, self.shared.plan.length_of)
+        self._after = distance_after(self.shared.tree, self.shared.position, self.shared.plan.length_of)
         if (battery := snapshot.battery) is not None and rest.length + self._after > battery.range_m:
             self._short = _too_far(rest.length + self._after, battery)
         self._drive = PartByPart(step.follower, rest, route.length - rest.length, self.shared.plan.robot)

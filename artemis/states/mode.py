@@ -72,7 +72,7 @@ class RoutineMode:
         self._begun = False
 
     def step(self, snapshot: Snapshot) -> Wish:
-        """Go on to the next wish."""
+        """Continue with the next wish."""
         if self._routine is None:
             self.enter(snapshot)
         routine = self._routine

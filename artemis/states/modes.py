@@ -75,7 +75,7 @@ class Modes:
         verdict, requests = snapshot.verdict, snapshot.sensed.requests
         self._end_requested = self._end_requested or _END_REQUEST in requests
         self._end_wished = self._end_wished or wished is _END
-        if _QUICKSTOP_REQUEST in requests or (verdict.stops and not self._may_go_on(verdict)):
+        if _QUICKSTOP_REQUEST in requests or (verdict.stops and not self._may_continue(verdict)):
             self._shared.bring_up.held = True
         for cause in self._causes(verdict, requests, wished):
             if self._machine.fire(cause.event):
@@ -111,7 +111,7 @@ class Modes:
         if wished is not None:
             yield Cause(event=wished)
 
-    def _may_go_on(self, verdict: Verdict) -> bool:
+    def _may_continue(self, verdict: Verdict) -> bool:
         """Whether the robot may continue by itself after a stop: as the mission says, or with an arm not yet used."""
         return verdict.resumes or (verdict.recovers and self._shared.bring_up.armed)
 

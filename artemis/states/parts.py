@@ -83,9 +83,9 @@ class PartByPart:
         self.end = self._before + self._part.path.length
         self._after = total(part.path.length for part in parts[index + 1 :])
         self._started = self._finished = False
-        self.go_on()
+        self.resume()
 
-    def go_on(self) -> None:
+    def resume(self) -> None:
         """The robot stands, and will drive off: its wheels are turned first."""
         self._steering: float | None = 0.0
 

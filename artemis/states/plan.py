@@ -156,7 +156,7 @@ class Plan(Struct, frozen=True, kw_only=True):
     found: Mapping[str, float] | None = None
     """The potentiometers are new and say nothing: angles of the wheels as they are found [rad], by side if known."""
     begin: Position = Position()
-    """Where the run begins in it; other than the first step only where an earlier run is gone on with."""
+    """Where the run begins in it; other than the first step only where an earlier run is resumed."""
     start: Pose | None = None
     """Where the odometry begins, likewise; None: where the wheels are aligned first."""
     localized: bool = False
@@ -280,7 +280,7 @@ class Shared:
             step.declared.signals if isinstance(step, BehaviourStep) else () for step in plan.steps
         )
         self.entry = 0
-        """How many steps have begun, or were gone on with after another one: a mode sees that its step is a new one."""
+        """How many steps have begun, or were resumed after another one: a mode sees that its step is a new one."""
         self.rests = False  # the present step is to come to rest, for something else is next
         self.route = RouteProgress(self._goto_state)  # of the present step, if its path is made by jobs
         self.beside: Mapping[int, str] = {}

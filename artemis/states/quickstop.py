@@ -65,7 +65,7 @@ class QuickstopMode(RoutineMode):
             snapshot = yield from come_to_rest(shared, STOPPING, snapshot)
             snapshot = yield from switch_off(shared, OFF, snapshot)
         latest = snapshot.time + PATIENCE
-        while not self._may_go_on(snapshot):
+        while not self._may_continue(snapshot):
             snapshot = yield self._waiting(_ramp(snapshot) if hold else OFF, snapshot, latest)
         bring_up.held = False
         if not bring_up.aligned:
@@ -80,20 +80,20 @@ class QuickstopMode(RoutineMode):
         while True:
             snapshot = yield _ramp(snapshot)
 
-    def _may_go_on(self, snapshot: Snapshot) -> bool:
+    def _may_continue(self, snapshot: Snapshot) -> bool:
         """Armed by a person, or by a mission that says so where all causes are gone; with the controls released."""
         if waits_for(snapshot) is not None:
             return False
-        return Request.ARM in snapshot.sensed.requests or self._goes_on
+        return Request.ARM in snapshot.sensed.requests or self._continues
 
     @property
-    def _goes_on(self) -> bool:
+    def _continues(self) -> bool:
         """By itself, once all causes are gone: the mission says so, and no person has taken the stop in hand."""
         return self._resumes and not (self.bring_up.held or self._acknowledged)
 
     def _waiting(self, rest: Wish, snapshot: Snapshot, latest: float) -> Wish:
         """At rest, with what it waits for; ends the run where no operator will come."""
-        alone = not (may_answer(snapshot) or self._goes_on)
+        alone = not (may_answer(snapshot) or self._continues)
         if alone or snapshot.time > latest:
             return give_up(replace(rest, phase="no operator to arm" if alone else "stopped"), late=not alone)
         wish = replace(rest, phase=waits_for(snapshot) or "stopped: arm to continue")

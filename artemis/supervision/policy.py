@@ -24,7 +24,7 @@ class Policy(NamedTuple):
     retries: int | None = None
     """Automatic recoveries in the row's window."""
     resume: Literal["wait", "continue"] = "wait"
-    """What follows an automatic recovery: wait for arm, or go on where the robot stopped."""
+    """What follows an automatic recovery: wait for arm, or continue where the robot stopped."""
 
 
 Policies = Mapping[str, Policy]

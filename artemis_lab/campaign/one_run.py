@@ -197,7 +197,7 @@ class _Mission:
         witness = witnesses[0]
         end = witness.time
         if outcome is None:
-            witness.go_on_alone(ALONE)
+            witness.run_alone(ALONE)
         (run,) = set(self._folders()) - folders
         evidence = _evidence(given, loaded, witness, end, ReadJournal(run / "journal.jsonl"), outcome)
         violations = [*_unexpected(failures, evidence, end), *judge(evidence)]

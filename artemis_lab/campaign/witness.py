@@ -95,7 +95,7 @@ class Witness:
             )
         )
 
-    def go_on_alone(self, seconds: float, step: float = 0.002) -> None:
+    def run_alone(self, seconds: float, step: float = 0.002) -> None:
         """The host is gone: let the machine go on by itself for so long [s]."""
         start = self.time
         for number in range(1, round(seconds / step) + 1):

@@ -213,8 +213,8 @@ def holds_command() -> FollowerBehaviour:
     def behave(answer: Following | Acting, _now: float) -> Following | Acting:
         if not held:
             held.append(answer.command)
-        goes_on: dict[str, Any] = {"outcome": None} if isinstance(answer, Acting) else {"finished": False}
-        return replace(answer, command=held[0], **goes_on)
+        unfinished: dict[str, Any] = {"outcome": None} if isinstance(answer, Acting) else {"finished": False}
+        return replace(answer, command=held[0], **unfinished)
 
     return behave
 

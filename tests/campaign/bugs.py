@@ -248,10 +248,10 @@ def _armed_again(original: Any) -> Any:
 
 
 def _acknowledgment_arms(original: Any) -> Any:
-    def may_go_on(self: Any, snapshot: Any) -> bool:
+    def may_continue(self: Any, snapshot: Any) -> bool:
         return Request.ACKNOWLEDGE in snapshot.sensed.requests or bool(original(self, snapshot))
 
-    return may_go_on
+    return may_continue
 
 
 def _misnamed(found: Fault, device: str, code: int, _: object) -> Fault:
@@ -447,7 +447,7 @@ BUGS: tuple[Bug, ...] = (
         "acknowledging a stop arms",
         "stopped, acknowledged only",
         "I6",
-        {"artemis.states.quickstop.QuickstopMode._may_go_on": _acknowledgment_arms},
+        {"artemis.states.quickstop.QuickstopMode._may_continue": _acknowledgment_arms},
     ),
     Bug(
         "fault leads to ready",

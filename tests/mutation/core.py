@@ -42,7 +42,7 @@ CORE: Mapping[str, tuple[str, ...]] = {
     ),
     "states/advance.py": (*_MISSION, "unit/test_mode_act.py", "unit/test_mission_behaviours.py"),
     "states/condition.py": _MISSION,
-    "states/way_ahead.py": ("unit/test_way_ahead.py",),
+    "states/distance_left.py": ("unit/test_distance_left.py",),
     "states/init.py": (
         "unit/test_bring_up_details.py",
         "unit/test_mode_init.py",

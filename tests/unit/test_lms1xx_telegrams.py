@@ -31,7 +31,7 @@ def test_scan_of_an_lms100() -> None:
     scan = scan_from(TELEGRAMS["lms100"])
     assert (scan.device, scan.serial, scan.status) == (1, 0xA037B9, (0, 0))
     assert (scan.telegram_counter, scan.scan_counter) == (0xC1C3, 0xC1C6)
-    assert (scan.started_us, scan.sent_us, scan.frequency) == (0x8B621C37, 0x8B627603, 5000)
+    assert (scan.started_us, scan.frequency) == (0x8B621C37, 5000)
     (channel,) = scan.channels
     assert (channel.content, channel.scale, channel.offset) == ("DIST1", 1.0, 0.0)
     assert (channel.start, channel.step, len(channel.values)) == (-450_000, 5000, 2 * 541)
@@ -108,7 +108,6 @@ def test_a_stream_without_end_marks_fills_no_memory() -> None:
         assert reader.waiting <= LONGEST
     assert reader.dropped > 10
     assert reader.feed(b"\x02one\x03") == [b"one"]
-    assert reader.first_dropped.startswith(b"\x02\x00")
 
 
 @pytest.mark.parametrize(

@@ -113,6 +113,20 @@ def test_a_slow_observer_delays_no_tick_and_what_it_misses_is_counted_and_said_o
     assert observation.take_problems() == [("PLG-03", "page", "14 ticks were not seen, the first is 1")]
 
 
+def test_a_tick_that_makes_room_for_the_end_is_told_by_its_index() -> None:
+    watcher = Stalled()
+    observation = Observation("page", watcher, threaded=True, bound=2, patience=0.0)
+    show(observation, TICKS[:1])
+    watcher.stalled.wait()
+    assert show(observation, TICKS[1:3]) == []
+    observation.close()
+    assert observation.take_problems() == [
+        ("PLG-03", "page", "it does not end"),
+        ("PLG-03", "page", "1 tick was not seen: it is 1"),
+    ]
+    watcher.goes_on.set()
+
+
 def test_a_tick_wakes_nobody_and_makes_few_calls() -> None:
     observers = [Observation("page", Watcher(), threaded=True) for _ in range(3)]
     calls: list[str] = []

@@ -148,7 +148,7 @@ def test_the_wheels_are_turned_before_the_robot_drives_off() -> None:
     assert answered(driver, standing(steering=0.6 - 1.1 * STEERED)).command.speed == 0.0
     assert answered(driver, standing(steering=0.6 - 0.9 * STEERED)).command.speed == 0.2
     assert answered(driver, standing(steering=0.0)).command.speed == 0.2, "once"
-    driver.go_on()
+    driver.resume()
     assert answered(driver, standing(steering=0.0)).command.speed == 0.0, "and again after a stop"
 
 
@@ -220,7 +220,7 @@ def test_wheels_that_the_robot_cannot_turn_so_far_are_not_waited_for() -> None:
     taker.command = DriveCommand(speed=0.2, steering=9.0)
     driver = PartByPart(taker, straight(2.0), 0.0, ROBOT)
     assert answered(driver, standing(steering=math.radians(60))).command.speed == 0.2
-    driver.go_on()
+    driver.resume()
     speeds = [answered(driver, standing()).command.speed for _ in range(300)]
     assert speeds[0] == 0.0
     assert speeds.index(0.2) * PERIOD == pytest.approx(3 * 60 / 33, abs=0.05)

@@ -43,8 +43,6 @@ class TelegramReader:
         self._waiting = bytearray()
         self.dropped = 0
         """Runs of bytes so far that were no telegram."""
-        self.first_dropped = b""
-        """The beginning of the first of them."""
 
     @property
     def waiting(self) -> int:
@@ -59,20 +57,15 @@ class TelegramReader:
         while (end := waiting.find(END, searched)) >= 0:
             start = waiting.rfind(START, 0, end)  # one that began before another one began has lost its end
             if start != 0:
-                self._drop(waiting[: start if start > 0 else end + 1])
+                self.dropped += 1
             if start >= 0:
                 found.append(bytes(waiting[start + 1 : end]))
             del waiting[: end + 1]
             searched = 0
         if len(waiting) > LONGEST:
-            self._drop(waiting)
+            self.dropped += 1
             waiting.clear()
         return found
-
-    def _drop(self, garbage: bytearray) -> None:
-        if not self.dropped:
-            self.first_dropped = bytes(garbage[:32])
-        self.dropped += 1
 
 
 def framed(text: str) -> bytes:
@@ -175,7 +168,6 @@ class ScanTelegram(Struct, frozen=True, kw_only=True):
     scan_counter: int
     started_us: int
     """When the scan began, on the device's clock, which begins anew after 71.6 min [us]."""
-    sent_us: int
     frequency: int
     """Turns per time [1/100 Hz]."""
     channels: tuple[Channel, ...]
@@ -233,7 +225,8 @@ def scan_from(telegram: bytes) -> ScanTelegram:
     device, serial = words.unsigned(16), words.unsigned(32)
     status = words.unsigned(8), words.unsigned(8)
     telegram_counter, scan_counter = words.unsigned(16), words.unsigned(16)
-    started, sent = words.unsigned(32), words.unsigned(32)
+    started = words.unsigned(32)
+    words.unsigned(32)  # when it was sent
     for bits in (8, 8, 8, 8, 16):  # digital inputs, digital outputs, angle of the layer
         words.unsigned(bits)
     frequency = words.unsigned(32)
@@ -249,7 +242,6 @@ def scan_from(telegram: bytes) -> ScanTelegram:
         telegram_counter=telegram_counter,
         scan_counter=scan_counter,
         started_us=started,
-        sent_us=sent,
         frequency=frequency,
         channels=tuple(channels),
     )

@@ -1,8 +1,8 @@
 """The devices in somebody's hands, from plugging in to loss: what is held, and whether the hand is still there.
 
 Silence is normal for most devices: a stick that is held still says nothing. There the open handle counts as alive, and
-a robot that drives under a silent hand slows down and stops. Whatever was lost, the robot goes on only when everything
-was released and the enable button is pressed anew.
+a robot that drives under a silent hand slows down and stops. Whatever was lost, the robot continues only when
+everything was released and the enable button is pressed anew.
 """
 
 from __future__ import annotations

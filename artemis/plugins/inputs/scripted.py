@@ -43,7 +43,7 @@ class ScriptedConfig(Config):
     hysteresis_deg: Annotated[float, Field(ge=0, le=20)] = 1.0
     """The angle trails the stick's by at most this much; 5 in the thesis."""
     done_at_end: bool = True
-    """At the time of the last row ask for `done`, once, and go on with that row. False: fall silent instead, as a
+    """At the time of the last row ask for `done`, once, and stay at that row. False: fall silent instead, as a
     device does that froze."""
 
 

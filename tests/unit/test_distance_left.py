@@ -10,7 +10,7 @@ from mission_trees import Walker, built
 
 from artemis.progress import Position
 from artemis.states.condition import asks_battery
-from artemis.states.way_ahead import way_ahead
+from artemis.states.distance_left import distance_after
 
 METRES = {"a.csv": 1.0, "b.csv": 10.0, "c.csv": 100.0, "d.csv": 1000.0}
 WAIT = {"wait": {"seconds": 1}}
@@ -36,7 +36,7 @@ def ahead(*steps: Mapping[str, Any], position: Position | None = None) -> float:
         passive = made.passive[number]
         return None if passive and asks_battery(passive.condition) else METRES.get(paths[number], 0.0)
 
-    return way_ahead(made.tree, position or Walker(*steps).position, length)
+    return distance_after(made.tree, position or Walker(*steps).position, length)
 
 
 @pytest.mark.parametrize(

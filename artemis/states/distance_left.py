@@ -47,7 +47,7 @@ _DECODER = json.Decoder(Place)
 
 
 class Ahead(NamedTuple):
-    """The least way [m] through a part of a mission; infinite: it cannot be passed so."""
+    """The least distance [m] through a part of a mission; infinite: it cannot be passed so."""
 
     done: float
     """To what follows it."""
@@ -58,8 +58,8 @@ class Ahead(NamedTuple):
 NOTHING, END = Ahead(0.0, inf), Ahead(inf, 0.0)
 
 
-def way_ahead(tree: Tree, position: Position, length: Length) -> float:
-    """Way that is certain after the present step [m]."""
+def distance_after(tree: Tree, position: Position, length: Length) -> float:
+    """Distance that is certain after the present step [m]."""
     if tree.is_list:
         place = Place((position.step,), (Place((position.done,)),))
     elif position.place:
