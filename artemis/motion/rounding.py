@@ -15,6 +15,8 @@ from artemis.vehicle import RobotFile
 
 CURVATURE_SHARE = 0.95
 """Of what the steering allows a plan uses this much; the rest is the controller's, to correct with."""
+SLACK = 1e-6
+"""So much more curvature is none [1/m]: a path that was rounded, packed, and unpacked in a tick is not rounded again."""
 REACH = 2.5
 """A corner is made anew from so many smallest radii before it to as many after it."""
 KNOT = 0.24
@@ -55,7 +57,7 @@ def rounded(path: Path, robot: RobotFile) -> tuple[Path, list[Cut]]:
         ConfigError: no such curve was found: the place, and what to change.
     """
     bound = CURVATURE_SHARE * math.tan(math.radians(robot.limits.steering_deg)) / robot.geometry.wheelbase_m
-    sharp = np.flatnonzero(np.abs(path.curvature) > bound)
+    sharp = np.flatnonzero(np.abs(path.curvature) > bound + SLACK)
     if not len(sharp):
         return path, []
     reach = math.ceil(REACH / bound / path.spacing)

@@ -10,7 +10,9 @@ import pytest
 
 from artemis.errors import ConfigError
 from artemis.motion.path import Path, path_from_points
+from artemis.motion.planned_route import packed_route, unpacked_route
 from artemis.motion.rounding import CURVATURE_SHARE, rounded
+from artemis.motion.route import Part, Route
 from artemis.motion.spline import Array
 from artemis.testing.contracts import ROBOT
 
@@ -63,6 +65,15 @@ def test_corners_become_drivable(corners: tuple[tuple[float, float], ...], farth
     assert off.max() == pytest.approx(max(cut.distance for cut in cuts), abs=0.01)  # samples of 2 cm
     for end in (0, -1):
         assert (made.x[end], made.y[end]) == pytest.approx((path.x[end], path.y[end]), abs=0.002)
+
+
+@pytest.mark.parametrize("steering_deg", [41.0, 47.0, 53.0, 59.0])
+def test_a_packed_path_is_not_rounded_again(steering_deg: float) -> None:
+    robot = ROBOT.model_copy(update={"limits": ROBOT.limits.model_copy(update={"steering_deg": steering_deg})})
+    made, cuts = rounded(path_of(legs((0, 0), (3, 0), (2.15, 1.81))), robot)
+    assert cuts
+    (part,) = unpacked_route(packed_route(Route((Part(path=made),)))).parts
+    assert rounded(part.path, robot) == (part.path, [])
 
 
 def test_what_can_be_driven_stays_as_it_is() -> None:
