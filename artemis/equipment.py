@@ -20,7 +20,7 @@ from artemis.mission.schema import BusWords
 from artemis.planning import plugin_made, scanners_used, setup_for
 from artemis.plugins.registry import SCANNERS
 from artemis.plugins.scanning import ScannerDevice
-from artemis.plugins.stated import follower_speed
+from artemis.plugins.stated import follower_speed, rounds_corners
 from artemis.recording.provenance import ResumePoint
 from artemis.values import Pose, Tick
 
@@ -111,8 +111,10 @@ def _track_uses(loaded: LoadedMission) -> dict[int, TrackUse]:
     found = {}
     for number, (_, step) in enumerate(loaded.tree.steps):
         if isinstance(follow := step.action, Follow) and isinstance(follow.path, Recorded):
+            plugin, config = plugin_from("artemis.followers", follow.follower)
             found[number] = TrackUse(
-                speed=follower_speed(plugin_from("artemis.followers", follow.follower)[1]),
+                speed=follower_speed(config),
+                reserve=rounds_corners(plugin),
                 close_within=follow.path.close_within_m,
                 round_corners=follow.wanted["round_corners"],
                 allow_slowdown=follow.wanted["allow_slowdown"],

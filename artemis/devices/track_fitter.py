@@ -11,6 +11,7 @@ from msgspec import Struct
 from artemis.devices.device import Readings, Report, Work
 from artemis.devices.worker import Worker, WorkerEnded
 from artemis.errors import ConfigError
+from artemis.motion.fitting import with_reserve
 from artemis.motion.planned_route import FITTER, packed_route, unpacked_poses
 from artemis.motion.track import Track
 from artemis.values import Job, JobResult, Pose, Tick
@@ -28,6 +29,8 @@ class TrackUse(Struct, frozen=True, kw_only=True):
     close_within: float
     round_corners: float
     allow_slowdown: bool
+    reserve: bool
+    """Its follower wants it `with_reserve`."""
 
 
 class TrackFitter:
@@ -87,6 +90,7 @@ def fitted_track(robot: RobotFile, use: TrackUse, poses: list[Pose]) -> tuple[in
     """What was driven as a packed route; or why nothing can be followed."""
     try:
         route = Track(poses=poses).route(robot, use.speed, use.close_within, use.round_corners, use.allow_slowdown)
+        route = with_reserve(route, robot) if use.reserve else route
     except ConfigError as error:
         return "; ".join(error.problems)
     return packed_route(route)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from artemis.errors import ConfigError
 from artemis.mission.actions import Follow, Waypoints
-from artemis.motion.fitting import route_for
+from artemis.motion.fitting import route_for, with_reserve
 from artemis.motion.joining import straight
 from artemis.motion.route import Route, noise_words, route_from_csv
 from artemis.vehicle import RobotFile
@@ -27,8 +27,12 @@ def route_of(follow: Follow, raw: bytes | None, source: str) -> Route:
     return route_from_csv((raw or b"").decode(), source)
 
 
-def drivable_route(follow: Follow, route: Route, robot: RobotFile, speed: float) -> tuple[Route, list[str]]:
+def drivable_route(
+    follow: Follow, route: Route, robot: RobotFile, speed: float, *, reserve: bool
+) -> tuple[Route, list[str]]:
     """A route as `follow` wants it, at a speed of the virtual front wheel [m/s]; and in words what was changed.
+
+    `reserve`: its follower wants it `with_reserve`, too.
 
     Raises:
         ConfigError: why the robot cannot follow it (PTH-03).
@@ -37,7 +41,7 @@ def drivable_route(follow: Follow, route: Route, robot: RobotFile, speed: float)
     problems = [_with_hint(problem, follow) for problem in route.problems(robot, speed)]
     if problems:
         raise ConfigError([*problems, *noise_words(route)])
-    return route, remarks
+    return with_reserve(route, robot) if reserve else route, remarks
 
 
 def _with_hint(problem: str, follow: Follow) -> str:

@@ -21,7 +21,7 @@ from artemis.mission.word_checks import WordChecks
 from artemis.mission.words import Step
 from artemis.plugins.contracts import declared
 from artemis.plugins.registry import behaviour_class, declarations
-from artemis.plugins.stated import STALE, follower_speed, input_speed, stale_limit
+from artemis.plugins.stated import STALE, follower_speed, input_speed, rounds_corners, stale_limit
 from artemis.states.answers import given_answer
 from artemis.states.outcomes import step_facts
 from artemis.states.outline import behaviours_in, keys_of, numbered, parts_of, steps_in
@@ -176,7 +176,8 @@ class StepChecks(GotoChecks):
             self._complain((*at, "laps"), f"{follow.laps} laps need a closed path; {name} is {how}")
         elif robot is not None and config is not None and speed is not None:
             try:
-                self._routes[number], remarks = drivable_route(follow, route, robot, speed)
+                reserve = rounds_corners(self._plugins[*at, "follower"][0])
+                self._routes[number], remarks = drivable_route(follow, route, robot, speed, reserve=reserve)
                 self._remarks += [f"{name}: {remark}" for remark in remarks]
             except ConfigError as error:
                 for problem in error.problems:

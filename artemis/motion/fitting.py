@@ -34,6 +34,15 @@ def route_for(
     return route.with_laps(laps), words
 
 
+def with_reserve(route: Route, robot: RobotFile) -> Route:
+    """The route without corners that leave the steering no reserve for corrections (`rounded`).
+
+    Raises:
+        ConfigError: a corner cannot be rounded.
+    """
+    return Route(tuple([replace(part, path=rounded(part.path, robot)[0]) for part in route.parts]))
+
+
 def fitted(
     route: Route, robot: RobotFile, speed: float, *, round_corners: float = 0.0, allow_slowdown: bool = False
 ) -> tuple[Route, list[str]]:

@@ -16,7 +16,7 @@ from artemis.vehicle import RobotFile
 CURVATURE_SHARE = 0.95
 """Of what the steering allows a plan uses this much; the rest is the controller's, to correct with."""
 SLACK = 1e-6
-"""So much more curvature is none [1/m]: a path that was rounded, packed, and unpacked in a tick is not rounded again."""
+"""So much more curvature is none [1/m]: a rounded path that was packed and unpacked is not rounded again."""
 REACH = 2.5
 """A corner is made anew from so many smallest radii before it to as many after it."""
 KNOT = 0.24

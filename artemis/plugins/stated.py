@@ -82,6 +82,18 @@ def follower_speed(config: object) -> float | None:
 
 
 @runtime_checkable
+class RoundsCorners(Protocol):
+    """A follower whose class wants sharp corners rounded (`motion.rounding`) where a tick need not wait for it."""
+
+    rounds_corners: bool
+
+
+def rounds_corners(plugin: object) -> bool:
+    """Whether the routes of a follower are rounded before it gets them, by its class."""
+    return isinstance(plugin, RoundsCorners) and plugin.rounds_corners
+
+
+@runtime_checkable
 class NamesMap(Protocol):
     """Keys of a localizer that name the map on which it finds the robot: its YAML file, from the mission's folder."""
 

@@ -2,10 +2,12 @@ from __future__ import annotations
 
 import copy
 import json
+import math
 import shutil
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from extras import load_or_skip
 from pydantic import ValidationError
@@ -29,6 +31,7 @@ from artemis.mission import (
 )
 from artemis.mission.problems import describe, nearest
 from artemis.mission.schema import BusWords
+from artemis.motion.rounding import CURVATURE_SHARE
 from artemis.plugins.followers.indiveri import IndiveriFollower
 from artemis.progress import WORDS
 from artemis.vehicle import RobotFile
@@ -318,6 +321,25 @@ def test_every_misspelt_key_is_named_with_the_right_one(folder: Path, file: str,
         load_mission(folder / "mission.yaml")
     hints = (f"{key}z: unknown key; did you mean {key}?", f"{key}: this key is missing; did you write {key}z for it?")
     assert any(problem.endswith(hints) for problem in caught.value.problems)
+
+
+@pytest.mark.parametrize(("follower", "reserve"), [("frenet", True), ("indiveri", False)])
+def test_corners_are_rounded_before_the_run_where_the_follower_wants_that(
+    folder: Path, follower: str, reserve: bool
+) -> None:
+    """In a tick it would take too long."""
+    robot = load_mission(folder / "mission.yaml").robot
+    most = math.tan(math.radians(robot.limits.steering_deg)) / robot.geometry.wheelbase_m
+    radius = 1 / (0.95 * most)
+    turn = [0.05 * number for number in range(63)]
+    rows = "".join(f"{radius * math.sin(a):.5f},{radius * (1 - math.cos(a)):.5f}\n" for a in turn)
+    (folder / "paths/turn.csv").write_text(f"x,y\n{rows}")
+    follow = f"path: paths/turn.csv, allow_slowdown: true, follower: {{plugin: {follower}, speed_m_s: 0.2}}"
+    steps = f"  - calibrate: {{steering: from_potentiometers}}\n  - follow: {{{follow}}}\n"
+    (folder / "m.yaml").write_text(f"mission: m\nrobot: robots/artemis.yaml\nbus: simulation\nsteps:\n{steps}")
+    (route,) = load_mission(folder / "m.yaml").routes.values()
+    sharpest = float(np.abs(route.parts[0].path.curvature).max())
+    assert (sharpest <= CURVATURE_SHARE * most + 1e-6) is reserve
 
 
 @pytest.mark.parametrize(

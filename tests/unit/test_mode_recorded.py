@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import math
 
+import numpy as np
 import pytest
 from core_builders import PERIOD, ROBOT, StubFollower, fault_of, shared, snapshot
 from msgspec.structs import replace
@@ -11,6 +13,7 @@ from msgspec.structs import replace
 from artemis.clock import SimulatedLoop
 from artemis.devices.track_fitter import TrackFitter, TrackUse
 from artemis.motion.planned_route import FITTER, packed_poses, unpacked_route
+from artemis.motion.rounding import CURVATURE_SHARE
 from artemis.motion.track import Track
 from artemis.states.follow import FollowMode
 from artemis.states.plan import FollowStep
@@ -19,7 +22,7 @@ from artemis.states.route_progress import RouteProgress
 from artemis.values import Event, Job, JobKind, JobResult, Pose, Severity, Wish
 
 DRIVEN = [Pose(x=0.05 * number) for number in range(41)]
-USE = TrackUse(speed=0.3, close_within=0.0, round_corners=0.0, allow_slowdown=False)
+USE = TrackUse(speed=0.3, close_within=0.0, round_corners=0.0, allow_slowdown=False, reserve=False)
 
 
 def done(job: Job, use: TrackUse = USE) -> JobResult:
@@ -104,3 +107,16 @@ def test_a_process_that_ended_is_a_fault_of_its_own() -> None:
     (job,) = robot.tick().jobs
     wish = robot.tick(JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=False, fault="PTH-10"))
     assert fault_of(wish)[0] == "PTH-10"
+
+
+def test_a_path_driven_at_full_lock_is_rounded_by_the_job_where_its_follower_wants_that() -> None:
+    most = math.tan(math.radians(ROBOT.limits.steering_deg)) / ROBOT.geometry.wheelbase_m
+    radius = 1 / (0.95 * most)
+    turn = [0.05 * number for number in range(63)]
+    driven = [Pose(x=radius * math.sin(a), y=radius * (1 - math.cos(a)), heading=a) for a in turn]
+    job = Job(id=1, kind=JobKind.FIT, drive=FITTER, value=0.0, values=packed_poses(driven))
+    for reserve in (False, True):
+        result = done(job, replace(USE, reserve=reserve))
+        assert result.ok, result.detail
+        (part,) = unpacked_route(result.values).parts
+        assert bool(np.abs(part.path.curvature).max() <= CURVATURE_SHARE * most + 1e-6) is reserve

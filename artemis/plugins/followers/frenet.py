@@ -65,6 +65,7 @@ class FrenetFollower:
 
     Config: ClassVar[type[Config]] = FrenetConfig
     contract: ClassVar[int] = 1
+    rounds_corners: ClassVar[bool] = True
 
     def __init__(self, config: FrenetConfig, context: PluginContext) -> None:
         """Take the limits from the robot.
@@ -89,7 +90,7 @@ class FrenetFollower:
         Raises:
             ConfigError: no curve that the robot can drive is near a corner.
         """
-        path, _ = rounded(path, self._robot)
+        path, _ = rounded(path, self._robot)  # in a mission that is done before: nothing is left to be done
         self._path = path.with_speed(speed_profile(path, self._robot, self._top_speed))
         self._progress = Progress(self._path)
         self._filter = PoseFilter(self._car.wheelbase, snapshot.pose.pose, snapshot.odometry)
