@@ -331,8 +331,9 @@ def test_corners_are_rounded_before_the_run_where_the_follower_wants_that(
     robot = load_mission(folder / "mission.yaml").robot
     most = math.tan(math.radians(robot.limits.steering_deg)) / robot.geometry.wheelbase_m
     radius = 1 / (0.95 * most)
-    turn = [0.05 * number for number in range(63)]
-    rows = "".join(f"{radius * math.sin(a):.5f},{radius * (1 - math.cos(a)):.5f}\n" for a in turn)
+    turn = [(radius * math.sin(0.05 * n), radius * (1 - math.cos(0.05 * n))) for n in range(63)]
+    lead = [(0.05 * n - 2.0, 0.0) for n in range(40)]
+    rows = "".join(f"{x:.5f},{y:.5f}\n" for x, y in [*lead, *turn, *((x, 2 * radius) for x, _ in lead[::-1])])
     (folder / "paths/turn.csv").write_text(f"x,y\n{rows}")
     follow = f"path: paths/turn.csv, allow_slowdown: true, follower: {{plugin: {follower}, speed_m_s: 0.2}}"
     steps = f"  - calibrate: {{steering: from_potentiometers}}\n  - follow: {{{follow}}}\n"

@@ -112,11 +112,13 @@ def test_a_process_that_ended_is_a_fault_of_its_own() -> None:
 def test_a_path_driven_at_full_lock_is_rounded_by_the_job_where_its_follower_wants_that() -> None:
     most = math.tan(math.radians(ROBOT.limits.steering_deg)) / ROBOT.geometry.wheelbase_m
     radius = 1 / (0.95 * most)
-    turn = [0.05 * number for number in range(63)]
-    driven = [Pose(x=radius * math.sin(a), y=radius * (1 - math.cos(a)), heading=a) for a in turn]
+    turn = [(radius * math.sin(0.05 * n), radius * (1 - math.cos(0.05 * n)), 0.05 * n) for n in range(63)]
+    lead = [(0.05 * n - 2.0, 0.0, 0.0) for n in range(40)]
+    back = [(x, 2 * radius, math.pi) for x, _, _ in lead[::-1]]
+    driven = [Pose(x=x, y=y, heading=heading) for x, y, heading in [*lead, *turn, *back]]
     job = Job(id=1, kind=JobKind.FIT, drive=FITTER, value=0.0, values=packed_poses(driven))
     for reserve in (False, True):
-        result = done(job, replace(USE, reserve=reserve))
+        result = done(job, replace(USE, allow_slowdown=True, reserve=reserve))
         assert result.ok, result.detail
         (part,) = unpacked_route(result.values).parts
         assert bool(np.abs(part.path.curvature).max() <= CURVATURE_SHARE * most + 1e-6) is reserve
