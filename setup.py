@@ -72,6 +72,6 @@ extensions = []
 if os.environ.get("ARTEMIS_COMPILE"):
     from mypyc.build import mypycify
 
-    extensions = mypycify(COMPILED, opt_level="2", debug_level="0")
+    extensions = mypycify(COMPILED, opt_level="1", debug_level="0")
 
 setup(ext_modules=extensions)
