@@ -152,8 +152,10 @@ class Observation:
 
     def see(self, tick: Tick, traffic: Traffic, now: float) -> None:
         """Hand a tick over."""
-        if not self._stopped and self._drops((tick, traffic, now)) and self.dropped == 1:
-            self._complain(SLOW, f"it misses ticks, from tick {self._first_dropped} on")
+        if not self._stopped and (dropped := self._beside.put((tick, traffic, now))) is not None:
+            self._count(dropped)
+            if self.dropped == 1:
+                self._complain(SLOW, f"it misses ticks, from tick {self._first_dropped} on")
 
     def take_problems(self) -> list[Problem]:
         """What went wrong since the last call."""
@@ -164,22 +166,18 @@ class Observation:
         if self._closed:
             return
         self._closed = True
-        self._drops(None)
+        if (dropped := self._beside.put(None)) is not None:
+            self._count(dropped)
         if not self._beside.close(self._patience):
             self._complain(SLOW, "it does not end")
         if self.dropped:
             what = "1 tick was not seen: it" if self.dropped == 1 else f"{self.dropped} ticks were not seen, the first"
             self._complain(SLOW, f"{what} is {self._first_dropped}")
 
-    def _drops(self, seen: tuple[Tick, Traffic, float] | None) -> bool:
-        """Hand over; whether an older tick was dropped for it."""
-        dropped = self._beside.put(seen)
-        if dropped is None:
-            return False
+    def _count(self, dropped: tuple[Tick, Traffic, float]) -> None:
         if self.dropped == 0:
             self._first_dropped = dropped[0].snapshot.sensed.index
         self.dropped += 1
-        return True
 
     def _work(self, seen: tuple[Tick, Traffic, float] | None) -> None:
         """In the thread: show it a tick, or close it."""
