@@ -45,8 +45,12 @@ class OccupancyMap:
 
     def contains(self, x: float, y: float) -> bool:
         """Whether a place lies on one of the cells."""
-        (row,), (column,) = self.cell_of(np.array([[x, y]]))
-        return bool(0 <= row < self.cells.shape[0] and 0 <= column < self.cells.shape[1])
+        return bool(self._has(*self.cell_of(np.array([[x, y]]))).all())
+
+    def _has(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Which of these cells there are."""
+        height, width = self.cells.shape
+        return np.asarray((rows >= 0) & (rows < height) & (columns >= 0) & (columns < width))
 
     def _in_cells(self, points: Array) -> Array:
         """Columns and rows with their fractions, shape (2, n)."""
@@ -67,7 +71,7 @@ class OccupancyMap:
         centres = np.stack([low[0] + (column + 0.5) * self.resolution, low[1] + (row + 0.5) * self.resolution], 1)
         back = compose([0.0, 0.0, -angle], np.c_[centres, np.zeros(len(centres))])[:, :2]
         old_row, old_column = self.cell_of(back)
-        inside = (old_row >= 0) & (old_row < height) & (old_column >= 0) & (old_column < width)
+        inside = self._has(old_row, old_column)
         cells = np.full(len(row), UNKNOWN, np.int8)
         cells[inside] = self.cells[old_row[inside], old_column[inside]]
         return replace(self, cells=cells.reshape(rows, columns), origin=(float(low[0]), float(low[1]), 0.0))
@@ -95,12 +99,12 @@ class OccupancyMap:
         row, column = (each.reshape(-1) for each in np.indices(self.cells.shape))
         local = np.stack([column + 0.5, row + 0.5, np.zeros(len(row))], 1) * self.resolution
         x, y = compose(np.array(self.origin), local)[:, :2].T
-        inside = np.zeros(len(x), bool)
-        for (ax, ay), (bx, by) in zip(corners, [*corners[1:], corners[0]], strict=True):
+        inside, edges = np.zeros(len(x), bool), list(zip(corners, [*corners[1:], corners[0]], strict=True))
+        for (ax, ay), (bx, by) in edges:
             if ay != by:
                 inside ^= ((ay > y) != (by > y)) & (x < (bx - ax) * (y - ay) / (by - ay) + ax)
         found = inside.reshape(self.cells.shape)
-        for start, end in zip(corners, [*corners[1:], corners[0]], strict=True) if touched else ():
+        for start, end in edges if touched else ():
             found[self._along(start, end)] = True
         return found
 
@@ -108,7 +112,7 @@ class OccupancyMap:
         """Rows and columns of the cells through which a straight line passes, not only between them."""
         places = self._in_cells(np.linspace(start, end, int(4.0 * math.dist(start, end) / self.resolution) + 2))
         columns, rows = np.floor(places[:, (np.abs(places - np.rint(places)) > 1e-6).all(0)]).astype(np.int64)
-        within = (rows >= 0) & (rows < self.cells.shape[0]) & (columns >= 0) & (columns < self.cells.shape[1])
+        within = self._has(rows, columns)
         return rows[within], columns[within]
 
     def closed(self, corners: Sequence[tuple[float, float]]) -> OccupancyMap:
