@@ -8,11 +8,11 @@ from pathlib import Path
 
 from artemis.commands.path_files import refuse_taken
 from artemis.errors import ConfigError
-from artemis.mapping.graph_file import SUFFIX, MapGraph, saved_files
+from artemis.mapping.graph_file import MapGraph, files_of, saved_files
 from artemis.mapping.map_file import write_bytes
 from artemis.mapping.occupancy import OccupancyMap
+from artemis.route_planning.zones import NO_MAP, zones_file
 from artemis.route_planning.zones import SUFFIX as ZONES
-from artemis.route_planning.zones import zones_file
 
 
 def refuse_output(path: Path, force: bool) -> None:
@@ -24,8 +24,8 @@ def refuse_output(path: Path, force: bool) -> None:
     if path.suffix not in (".yaml", ".yml"):
         raise ConfigError(f"{path}: name the map .yaml; its image and its graph are written beside it")
     if path.name.endswith(ZONES):
-        raise ConfigError(f"{path}: a map's zones and places have such a name; name the map otherwise")
-    refuse_taken([path, path.with_suffix(".pgm"), path.with_suffix(SUFFIX), Path(zones_file(str(path)))], force)
+        raise ConfigError(f"{path}: {NO_MAP}")
+    refuse_taken([*files_of(path), Path(zones_file(str(path)))], force)
 
 
 def write_map(path: Path, content: OccupancyMap, graph: MapGraph | None) -> None:

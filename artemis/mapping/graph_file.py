@@ -112,6 +112,11 @@ class MapGraph:
         self.trajectory[:, 1:] = compose([0.0, 0.0, angle], self.trajectory[:, 1:])
 
 
+def files_of(path: Path) -> list[Path]:
+    """Those of a map: its YAML file `path`, its image, and its graph."""
+    return [path, path.with_suffix(".pgm"), path.with_suffix(SUFFIX)]
+
+
 def saved_files(path: Path, content: OccupancyMap, graph: MapGraph | None) -> dict[Path, bytes]:
     """The graph, the image and the YAML file `path` of a map, to be written."""
     return ({path.with_suffix(SUFFIX): graph.packed()} if graph is not None else {}) | map_files(path, content)

@@ -10,8 +10,8 @@ from artemis.errors import ConfigError
 from artemis.mission.problems import nearest
 from artemis.mission.step_checks import StepChecks
 from artemis.plugins.stated import field_of, least_range_of
+from artemis.route_planning.zones import NO_MAP, zones_file
 from artemis.route_planning.zones import SUFFIX as ZONES
-from artemis.route_planning.zones import zones_file
 from artemis.states.outcomes import NO_BATTERY
 from artemis.yaml_file import KeyPath, dotted, read, survey
 
@@ -132,10 +132,10 @@ class SurroundingsChecks(StepChecks):
             self._check_map_file(("mapping", "file"), mapping.file, mapping.replace)
 
     def _check_map_file(self, at: KeyPath, name: str, replace: bool) -> None:
-        from artemis.mapping.graph_file import SUFFIX as GRAPH
+        from artemis.mapping.graph_file import files_of
 
         file, root = self._folder / name, os.path.realpath(self._folder)
-        beside = [each for each in (file, file.with_suffix(".pgm"), file.with_suffix(GRAPH)) if each.exists()]
+        there = [each for each in files_of(file) if each.exists()]
         zones = Path(zones_file(str(file)))
         if file.suffix != ".yaml":
             self._complain(at, "name the map .yaml; its image and its graph are written beside it")
@@ -144,11 +144,11 @@ class SurroundingsChecks(StepChecks):
         elif not file.parent.is_dir():
             self._complain(at, f"no such folder: {file.parent}")
         elif name.endswith(ZONES):
-            self._complain(at, f"{name}: a map's zones and places have such a name; name the map otherwise")
+            self._complain(at, f"{name}: {NO_MAP}")
         elif file.exists() and not _is_map(file):
             self._complain(at, f"{name} exists, and is no map: name another file")
-        elif beside and not replace:
-            taken = beside[0].relative_to(self._folder)
+        elif there and not replace:
+            taken = there[0].relative_to(self._folder)
             self._complain(at, f"{taken} exists already: move it away, name another file, or add replace: true")
         elif zones.exists():
             self._remarks.append(f"{dotted(at)}: {zones.name} stays: its zones and places will count on the new map")

@@ -14,6 +14,8 @@ from artemis.config import Config, Quantity
 LEAST_AREA = 1e-4
 """Of a zone [m²]."""
 SUFFIX = ".zones.yaml"
+NO_MAP = "a map's zones and places have such a name; name the map otherwise"
+"""Why a map is not called so."""
 Coordinate = Annotated[float, Quantity(0.0, 1e6, "m", signed=True)]
 Corner = Annotated[tuple[Coordinate, Coordinate], Field(strict=False)]
 
