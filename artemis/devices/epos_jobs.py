@@ -137,8 +137,11 @@ class EposJobs:
         """
         history: tuple[int, ...] = ()
         self._hardware = None
-        tried = [await self._reset(reset)] if reset else []
-        await self._make_safe()
+        tried: list[str] = []
+        if reset:
+            tried.append(await self._reset(reset))
+        else:
+            await self._make_safe()
         if (state := await self._settled_state()) is DriveState.FAULT:
             tried.append("fault reset")
             history = await self.read_history()  # before a reset clears it
@@ -146,7 +149,6 @@ class EposJobs:
             if needed > reset and self._resets < MAX_RESETS:
                 self._resets += 1
                 tried.append(await self._reset(needed))
-                await self._make_safe()
                 state = await self._settled_state()
         if state is not DriveState.SWITCH_ON_DISABLED:
             codes = ", ".join(f"0x{code:04X}" for code in history or await self.read_history()) or "empty"
@@ -156,13 +158,20 @@ class EposJobs:
         self._resets = 0
 
     async def _reset(self, reset: float) -> str:
-        """Off, then NMT Reset Communication or Reset Node (`RESETS`), until it answers again; what was sent."""
+        """Off, then NMT Reset Communication or Reset Node (`RESETS`), and made safe; what was sent.
+
+        A drive boots once for it (CiA 301, 7.3.2); one that boots again has restarted by itself.
+        """
         await self._switch_off()
+        boots = self._epos.boots
         whole = reset == RESETS["node"]
         command = NmtCommand.RESET_NODE if whole else NmtCommand.RESET_COMMUNICATION
         self._epos.send(nmt_frame(command, self.drive.node_id))
         self._hardware = None  # what boots is asked anew
         await asyncio.sleep(self._family.reset_time)
+        await self._make_safe()
+        if self._boots > boots + 1:
+            raise DeviceRestarted(self.name, "once more after it was reset")
         return "NMT Reset Node" if whole else "NMT Reset Communication"
 
     async def _make_safe(self) -> None:

@@ -136,11 +136,12 @@ class InitMode(RoutineMode):
     ) -> Routine:
         """Yield `wish` until every drive is `done`; those that are not in time are the fault `id`.
 
-        Before `earliest` [s of the run] no drive may be in fault.
+        Before `earliest` [s of the run] no drive may be in fault; none may restart.
         """
         latest = snapshot.time + ANSWER_TIME
         while True:
             snapshot = yield wish
+            require_no_restart(snapshot)
             if snapshot.time < earliest:
                 require_healthy(snapshot)
             waiting = [drive for drive in snapshot.sensed.drives if not done(drive)]
@@ -156,12 +157,24 @@ def require_healthy(snapshot: Snapshot) -> Snapshot:
     """The snapshot.
 
     Raises:
-        Failed: a drive is in fault in it (COM-01).
+        Failed: a drive restarted (COM-26) or is in fault in it (COM-01).
     """
+    require_no_restart(snapshot)
     for drive in snapshot.sensed.drives:
         if drive.state in FAULT_STATES:
             raise Failed(SILENT, catalogue.fault("COM-01", drive.name, "before it could miss us"))
     return snapshot
+
+
+def require_no_restart(snapshot: Snapshot) -> None:
+    """Nothing is judged while the watchdog is being proven; what a drive proved before it restarted is void.
+
+    Raises:
+        Failed: a drive booted (COM-26).
+    """
+    for drive in snapshot.sensed.drives:
+        if drive.boots:
+            raise Failed(SILENT, catalogue.fault("COM-26", drive.name))
 
 
 def _off(drive: DriveFeedback) -> bool:

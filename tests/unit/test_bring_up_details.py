@@ -212,6 +212,20 @@ def test_history_that_cannot_be_read_or_is_empty_proves_nothing() -> None:
         assert told in str(wish.fault)
 
 
+@pytest.mark.parametrize("when", ["first contact", "heartbeat withheld", "fault reset"])
+def test_drive_that_restarts_before_it_is_proven_is_a_fault(when: str) -> None:
+    drives = ObedientDrives()
+    player = bring_up(drives)
+    reached = {
+        "first contact": lambda wish: wish.phase == "first contact",
+        "heartbeat withheld": lambda wish: wish.phase == "proving the watchdog",
+        "fault reset": lambda wish: wish.traction is Goal.FAULT_RESET,
+    }
+    player.until(reached[when])
+    drives.changes["steer-left"] = {"boots": 1}
+    assert fault_of(player.until(has_fault, longest=3 * PERIOD)) == ("COM-26", "steer-left")
+
+
 def test_first_of_several_drives_that_are_late_is_named_with_its_own_state() -> None:
     drives = ObedientDrives()
     player = bring_up(drives)

@@ -208,6 +208,19 @@ def test_silent_drive_is_a_timeout_that_names_it() -> None:
     on(STEER_LEFT, test)
 
 
+@pytest.mark.parametrize("reset", ["communication", "node"])
+def test_drive_that_restarts_by_itself_after_a_reset_is_told_from_the_reset(reset: str) -> None:
+    async def test(rig: Rig) -> None:
+        await rig.jobs.secure(RESETS[reset])
+        loop = asyncio.get_running_loop()
+        loop.call_later(0.5, lambda: rig.node.power_on(loop.time()))
+        with pytest.raises(DeviceRestarted, match=r"traction-left: once more after it was reset"):
+            await rig.jobs.secure(RESETS[reset])
+        await rig.jobs.secure(RESETS[reset])
+
+    on(LEFT, test)
+
+
 def test_drive_that_restarts_while_it_is_configured_has_to_be_secured_again() -> None:
     async def test(rig: Rig) -> None:
         await rig.jobs.secure(0.0)

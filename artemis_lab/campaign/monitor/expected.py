@@ -66,9 +66,6 @@ OFTEN_DAMAGED = 0.5
 SO_LATE = 0.22
 """Scans that are at once so much later [s] leave a gap that has to be noticed."""
 
-OF_EPOS4 = {"COM-26": ("COM-11",), "COM-27": ("DRV-38",)}
-"""How else it shows on an EPOS4: it boots so long that it is missed before, and misses its set-points before."""
-
 EXPECTED: dict[str, Expected] = {
     **{f"DRV-{number}": Expected(W, 0.02, (f"DRV-{number}",), coasts=True) for number in (*_CUT, *_CUT_4)},
     **{f"DRV-{number}": Expected(W, 0.02, (f"DRV-{number}",)) for number in (*_BRAKED, "38", "40")},
@@ -171,13 +168,19 @@ EXPECTED: dict[str, Expected] = {
     "OPR-01": HARMLESS,
     "OPR-02": HARMLESS,
 }
+OF_EPOS4: dict[str, Expected] = {
+    "COM-26": Expected(W, 0.1, ("COM-26", "COM-11"), coasts=True),  # it boots so long that it is missed before
+    "COM-27": Expected(W, 0.27, ("COM-27", "COM-11", "DRV-38")),  # it misses its set-points before
+    "DRV-16": Expected(W, 0.02, ("DRV-16",), coasts=True),  # the first generation brakes
+}
+"""What is another matter with an EPOS4."""
 
 
 def expectation(injected: Injected, e: Evidence) -> Expected:
     """What to expect of this one."""
-    expected, tick = EXPECTED[injected.id], e.tick
-    if injected.id in OF_EPOS4 and any(drive.family == "epos4" for drive in e.robot.drives.values()):
-        return expected._replace(shows=(*expected.shows, *OF_EPOS4[injected.id]))
+    is_epos4 = any(drive.family == "epos4" for drive in e.robot.drives.values())
+    table = OF_EPOS4 if is_epos4 and injected.id in OF_EPOS4 else EXPECTED
+    expected, tick = table[injected.id], e.tick
     if injected.options.get("heard") is False:
         return UNTOLD if injected.id == NO_REACTION else UNHEARD
     if injected.id == UNKEPT and injected.node.startswith("steer") and "index" not in injected.options:
