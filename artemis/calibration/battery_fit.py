@@ -18,7 +18,7 @@ from scipy.optimize import least_squares
 from artemis.battery import HOUR, Battery
 from artemis.calibration.battery_log import BatteryLog
 from artemis.errors import CalibrationError
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 
 CAPACITY, IDLE, FORCE, RESISTANCE = "capacity_ah", "idle_w", "newtons_per_ampere", "resistance_ohm"
 PER_METRE = "joules_per_metre"

@@ -9,8 +9,8 @@ import numpy as np
 
 from artemis.battery import Battery
 from artemis.errors import RecordingError
+from artemis.motion.arrays import Array
 from artemis.motion.charge import EVERY, forces_of, taken
-from artemis.motion.spline import Array
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.schemas import TickRecord
 from artemis.vehicle import RobotFile

@@ -16,7 +16,7 @@ from artemis.calibration.knowledge import Estimates, Mask, condition_of, covaria
 from artemis.calibration.wheel_log import WheelLog
 from artemis.errors import CalibrationError
 from artemis.motion.angles import wrap
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 
 WALK = (0.004, 0.004, 0.004)
 """By which odometry errs at random: along, across [m/sqrt(m)], turn [rad/sqrt(m)]; an assumption of clean floors."""

@@ -13,8 +13,8 @@ from artemis.calibration.fitted_run import CLOCK, STEP, FittedRun, Run, case_of
 from artemis.calibration.kinematics import Kinematics, Parameter, altered, dead_reckoned
 from artemis.calibration.knowledge import QUANTILE, Estimates, Mask, condition_of, covariance_of, estimates_of, hold
 from artemis.errors import CalibrationError
+from artemis.motion.arrays import Array
 from artemis.motion.clocks import Clock
-from artemis.motion.spline import Array
 
 SENSOR = (
     Parameter("sensor ahead", 1.0, "curves"),

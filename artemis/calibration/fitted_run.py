@@ -11,8 +11,8 @@ from artemis.calibration.kinematics import Kinematics, dead_reckoned
 from artemis.calibration.knowledge import Mask
 from artemis.calibration.wheel_log import WheelLog
 from artemis.errors import ConfigError
+from artemis.motion.arrays import Array
 from artemis.motion.clocks import Clock, estimate_clock
-from artemis.motion.spline import Array
 from artemis.motion.trajectory import Trajectory
 
 CLOCK = (0.5, 0.01)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cholesky_banded, solve_banded  # scipy has no types
 
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 from artemis.motion.trajectory import Trajectory
 
 Indices: TypeAlias = NDArray[np.intp]

@@ -10,7 +10,7 @@ import numpy as np
 from artemis.axles import OWN_SIDES, Geometry
 from artemis.calibration.wheel_log import WheelLog
 from artemis.linkage import MeasuredLinkage
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

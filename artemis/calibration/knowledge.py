@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from artemis.calibration.kinematics import Kinematics, Parameter
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 
 Mask: TypeAlias = NDArray[np.bool_]
 

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from artemis.calibration.kinematics import Kinematics
 from artemis.calibration.wheel_log import LEAST_TICKS, WheelLog
 from artemis.config import Config
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 from artemis.motion.table import Table
 from artemis.motion.trajectory import Trajectory
 from artemis.vehicle import Positive

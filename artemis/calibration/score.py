@@ -11,9 +11,9 @@ from artemis.calibration.fit import Fit, refitted
 from artemis.calibration.fitted_run import Run, at_sensor
 from artemis.calibration.increments import BIN, Moments
 from artemis.calibration.kinematics import Kinematics, dead_reckoned
+from artemis.motion.arrays import Array
 from artemis.motion.clocks import Clock
 from artemis.motion.comparison import best_origin
-from artemis.motion.spline import Array
 from artemis.motion.trajectory import Trajectory
 
 FOLDS = 5

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from artemis.errors import RecordingError
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 from artemis.motion.trajectory import Trajectory
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.schemas import TickRecord

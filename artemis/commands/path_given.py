@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from artemis.errors import ConfigError
+from artemis.motion.arrays import Array
 from artemis.motion.geodesy import local_metres
-from artemis.motion.spline import Array
 
 
 @dataclass(slots=True, kw_only=True)

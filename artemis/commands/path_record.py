@@ -14,10 +14,10 @@ import numpy as np
 from artemis.commands.path_files import comments, keeps_up, refuse_smoothing, say, write_files
 from artemis.errors import ConfigError, shown
 from artemis.mission.problems import nearest
+from artemis.motion.arrays import Array
 from artemis.motion.path_points import distinct
 from artemis.motion.route import SHORTEST as SHORTEST_PART
 from artemis.motion.route import Part, Route, noise_words
-from artemis.motion.spline import Array
 from artemis.motion.track import SHORTEST, SPACING, Track, loop_end
 from artemis.motion.waypoints import Leg, PathRows, deviation, drawn, highest_speed, legs_of, rows_of
 from artemis.recording.mcap_reader import Recording

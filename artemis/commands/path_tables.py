@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from artemis.commands.path_given import Given, from_places, heading_of, text_of
+from artemis.motion.arrays import Array
 from artemis.motion.columns import layout_of
-from artemis.motion.spline import Array
 from artemis.motion.table import Table, without_rows
 
 MAX_COLUMNS = 200

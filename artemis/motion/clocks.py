@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from artemis.errors import ConfigError
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 from artemis.motion.trajectory import Trajectory
 
 STEP = 0.1

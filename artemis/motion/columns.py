@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 
 FASTEST = 30.0
 """No robot that anybody follows a path with drives faster [m/s]."""

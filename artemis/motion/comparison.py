@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from artemis.errors import ConfigError
+from artemis.motion.arrays import Array
 from artemis.motion.clocks import RUN, Clock, estimate_clock, longest_gap
 from artemis.motion.poses import placed, seen_from
-from artemis.motion.spline import Array
 from artemis.motion.trajectory import Trajectory
 from artemis.values import Pose
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from artemis.axles import Geometry
 from artemis.linkage import MeasuredLinkage
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 
 
 def steering_per_distance(curvature: Array, spacing: float, geometry: Geometry) -> Array:

@@ -19,7 +19,7 @@ import numpy as np
 
 from artemis.errors import CalibrationError
 from artemis.families.family import GainScale
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 from artemis.motion.step_response import StepResponse
 
 HOLD = 1.5

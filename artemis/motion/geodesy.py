@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 
 SEMI_MAJOR_AXIS, FLATTENING = 6_378_137.0, 1 / 298.257223563
 """The ellipsoid WGS 84 [m, -] (NIMA TR8350.2, table 3.1)."""

@@ -8,8 +8,8 @@ from math import ceil, cos, hypot, inf, pi, radians, sin
 import numpy as np
 from numpy.typing import NDArray
 
+from artemis.motion.arrays import Array
 from artemis.motion.poses import placed
-from artemis.motion.spline import Array
 from artemis.motion.sweep import Rectangle
 from artemis.motion.view import View, placed_points
 from artemis.values import Pose

@@ -10,10 +10,10 @@ from itertools import pairwise
 import numpy as np
 
 from artemis.errors import ConfigError
+from artemis.motion.arrays import Array
 from artemis.motion.path import SMOOTHING, Path, path_from_points
 from artemis.motion.path_points import MAX_GAP, MIN_STEP
 from artemis.motion.route import SHORTEST, Part, Route, stretches, turns_on_the_spot
-from artemis.motion.spline import Array
 from artemis.motion.track import SPACING
 from artemis.motion.waypoints import along_lines, check_extent, drawn, largest_distance
 

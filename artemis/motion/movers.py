@@ -11,7 +11,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 
 GAP = 0.2
 """Neighbouring returns farther apart belong to different things [m]."""

@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 
 FEWEST = 20
 """Of fewer points nobody can say whether they jitter."""

@@ -9,11 +9,13 @@ import numpy as np
 from msgspec import Struct
 
 from artemis.errors import ConfigError
+from artemis.motion.arrays import Array
+from artemis.motion.cubic import spline
 from artemis.motion.demand import steering_per_distance
 from artemis.motion.noise import Drawn, Noise, noise_of
 from artemis.motion.path_points import MIN_STEP, cusps, read_points, wrapped
 from artemis.motion.samples import Samples
-from artemis.motion.spline import Array, parameter_from_arc, smoothed, smoothed_between_halts
+from artemis.motion.spline import parameter_from_arc, smoothed, smoothed_between_halts
 from artemis.vehicle import RobotFile
 
 SPACING = 0.02
@@ -239,8 +241,6 @@ def path_from_points(
         closed: whether it goes on from its end to its start; None: if they meet.
         between_halts: it is open, and keeps its curvature up to its ends, as between two reversals.
     """
-    from scipy.interpolate import CubicSpline  # a third of a second to import
-
     points = np.column_stack([x, y])
     closed = not between_halts and _is_closed(points) if closed is None else closed
     if closed and math.dist(points[0], points[-1]) >= MIN_STEP:
@@ -255,7 +255,7 @@ def path_from_points(
     while wavelength > SMOOTHING and smoothing is None and _shifted(points, smooth) > SHAPE * noise.deviation:
         wavelength = max(SMOOTHING, 0.8 * wavelength)
         smooth = _smooth(parameter, points, wavelength, closed, between_halts)
-    curve = CubicSpline(parameter, smooth, bc_type="periodic" if closed else "not-a-knot")
+    curve = spline(parameter, smooth, closed=closed)
     sampled, arc = parameter_from_arc(curve, parameter[-1], spacing)
     (px, py), (dx, dy), (ddx, ddy) = curve(sampled).T, curve(sampled, 1).T, curve(sampled, 2).T
     return Path(

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from artemis.motion.arrays import Array
 from artemis.motion.columns import layout_of
 from artemis.motion.noise import apart, averaged
-from artemis.motion.spline import Array
 from artemis.motion.table import Table, without_rows
 
 MIN_STEP = 0.001

@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from artemis.errors import ConfigError
+from artemis.motion.arrays import Array
+from artemis.motion.cubic import Cubic
 from artemis.motion.path import Path, place_on
-from artemis.motion.spline import Array
 from artemis.vehicle import RobotFile
 
 CURVATURE_SHARE = 0.95
@@ -95,16 +96,14 @@ def rounded(path: Path, robot: RobotFile) -> tuple[Path, list[Cut]]:
 
 def _joined(path: Path, pieces: list[Array]) -> Path:
     """One path of pieces end to end, sampled at constant arc length again."""
-    from scipy.interpolate import CubicHermiteSpline  # scipy has no types
-
     x, y, heading, curvature, source = np.concatenate(pieces, axis=1)
     chord = np.hypot(np.diff(x), np.diff(y))
     arc = np.append(0.0, np.cumsum(chord * (1 + np.diff(heading) ** 2 / 24)))
     count = math.ceil(arc[-1] / path.spacing)
     at = np.linspace(0.0, arc[-1], count + 1)
     made = Path(
-        CubicHermiteSpline(arc, x, np.cos(heading))(at),
-        CubicHermiteSpline(arc, y, np.sin(heading))(at),
+        Cubic(arc, x, np.cos(heading))(at),
+        Cubic(arc, y, np.sin(heading))(at),
         np.interp(at, arc, heading),
         np.interp(at, arc, curvature),
         spacing=float(at[1]),

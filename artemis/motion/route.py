@@ -14,10 +14,10 @@ from msgspec.structs import replace
 
 from artemis.errors import ConfigError
 from artemis.motion.angles import wrap
+from artemis.motion.arrays import Array
 from artemis.motion.columns import DEGREES, is_in_degrees
 from artemis.motion.path import Path, check_drivable, path_from_points
 from artemis.motion.path_points import MIN_STEP, Points, cusps, read_points
-from artemis.motion.spline import Array
 from artemis.motion.totals import total
 from artemis.values import Pose
 from artemis.vehicle import RobotFile

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
+from artemis.motion.arrays import Array
 from artemis.motion.demand import steering_per_distance
 from artemis.motion.path import Path
-from artemis.motion.spline import Array
 from artemis.vehicle import RobotFile
 
 STEERING_SHARE = 0.9

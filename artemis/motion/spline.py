@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
-if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline  # scipy has no types
-
-Array: TypeAlias = npt.NDArray[np.float64]
-"""Numbers for each point of a curve, shape (n,), or coordinates x, y [m], shape (n, 2)."""
+from artemis.motion.arrays import Array
+from artemis.motion.cubic import Cubic, solved
 
 
 def smoothed(parameter: Array, points: Array, wavelength: float, closed: bool) -> Array:
@@ -40,18 +35,15 @@ def smoothed(parameter: Array, points: Array, wavelength: float, closed: bool) -
     before, after = 1 / step[:-1], 1 / step[1:]
     centre = -before - after
     stiffness = (wavelength / math.tau) ** 4
-    bands = np.zeros((3, len(step) - 1))  # upper form: main diagonal last
-    bands[2] = (step[:-1] + step[1:]) / 3 + stiffness * (
+    diagonal = (step[:-1] + step[1:]) / 3 + stiffness * (
         before**2 * inverse_weight[:-2] + centre**2 * inverse_weight[1:-1] + after**2 * inverse_weight[2:]
     )
-    bands[1, 1:] = step[1:-1] / 6 + stiffness * (
+    beside = step[1:-1] / 6 + stiffness * (
         centre[:-1] * inverse_weight[1:-2] * before[1:] + after[:-1] * inverse_weight[2:-1] * centre[1:]
     )
-    bands[0, 2:] = stiffness * after[:-2] * inverse_weight[2:-2] * before[2:]
+    beyond = stiffness * after[:-2] * inverse_weight[2:-2] * before[2:]
     slope = np.diff(points, axis=0) / step[:, None]
-    from scipy.linalg import solveh_banded  # a third of a second to import
-
-    bend = solveh_banded(bands, np.diff(slope, axis=0))
+    bend = solved(diagonal, beside, beyond, np.diff(slope, axis=0))
     force = np.zeros_like(points)
     force[:-2] += before[:, None] * bend
     force[1:-1] += centre[:, None] * bend
@@ -85,7 +77,7 @@ def _reflected(parameter: Array, points: Array, wavelength: float) -> tuple[Arra
     return (parameter[0] - distance[1:last])[::-1], (points[0] + off - 2 * (off @ tangent)[:, None] * tangent)[::-1]
 
 
-def parameter_from_arc(curve: CubicSpline, end: float, spacing: float) -> tuple[Array, float]:
+def parameter_from_arc(curve: Cubic, end: float, spacing: float) -> tuple[Array, float]:
     """Where to evaluate a curve so that its points have a constant distance along it.
 
     Args:
@@ -96,14 +88,12 @@ def parameter_from_arc(curve: CubicSpline, end: float, spacing: float) -> tuple[
     Returns:
         Parameters, shape (n,), n >= 3; and the curve's length [m].
     """
-    from scipy.interpolate import CubicHermiteSpline
-
     grid = np.linspace(0.0, end, 2 * math.ceil(end / spacing) + 2)
     at_grid = np.hypot(*curve(grid, 1).T)
     at_middle = np.hypot(*curve((grid[:-1] + grid[1:]) / 2, 1).T)
     pieces = (at_grid[:-1] + 4 * at_middle + at_grid[1:]) / 6 * np.diff(grid)  # Simpson's rule
     arc = np.append(0.0, np.cumsum(pieces))
     length = float(arc[-1])
-    inverse = CubicHermiteSpline(arc, grid, 1 / at_grid)
+    inverse = Cubic(arc, grid, 1 / at_grid)
     count = max(math.ceil(length / spacing - 1e-9), 2)
     return np.clip(inverse(np.linspace(0.0, length, count + 1)), 0.0, end), length

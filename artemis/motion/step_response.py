@@ -15,7 +15,7 @@ from math import copysign, inf
 import numpy as np
 
 from artemis.errors import CalibrationError
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 
 BANDS = (0.05, 0.02)
 """Of settling, as parts of the step."""

@@ -17,7 +17,7 @@ from math import acos, inf, pi, sin
 import numpy as np
 from msgspec import Struct
 
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 
 STRAIGHT = 1000.0
 """Radius [m] that stands for straight ahead: 0.5 mm off after 1 m."""

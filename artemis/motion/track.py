@@ -11,11 +11,11 @@ import numpy as np
 
 from artemis.errors import ConfigError
 from artemis.motion.angles import wrap
+from artemis.motion.arrays import Array
 from artemis.motion.fitting import fitted
 from artemis.motion.path import path_from_points
 from artemis.motion.path_points import MIN_STEP, distinct
 from artemis.motion.route import Part, Route
-from artemis.motion.spline import Array
 from artemis.motion.totals import total
 from artemis.values import Pose
 from artemis.vehicle import RobotFile

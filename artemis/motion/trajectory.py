@@ -8,7 +8,7 @@ from math import cos, inf, sin
 import numpy as np
 
 from artemis.errors import ConfigError
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 from artemis.values import Pose
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from artemis.errors import ConfigError
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 from artemis.motion.table import Table
 from artemis.motion.trajectory import Trajectory
 

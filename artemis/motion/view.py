@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from artemis.motion.angles import wrap
+from artemis.motion.arrays import Array
 from artemis.motion.beams import ScanPeriod, seeing
 from artemis.motion.movers import NOTHING, Movers
 from artemis.motion.poses import placed, seen_from
-from artemis.motion.spline import Array
 from artemis.motion.sweep import Rectangle
 from artemis.mounting import Mounting
 from artemis.scan import Scan

@@ -10,10 +10,10 @@ import numpy as np
 
 from artemis.errors import ConfigError
 from artemis.motion.angles import wrap
+from artemis.motion.arrays import Array
 from artemis.motion.path import Path, path_from_points, steering_demand
 from artemis.motion.path_points import MAX_LENGTH, MIN_STEP, cusps, moving
 from artemis.motion.route import Route, route_from_csv
-from artemis.motion.spline import Array
 from artemis.motion.track import Track, one_way
 from artemis.values import Pose
 from artemis.vehicle import RobotFile

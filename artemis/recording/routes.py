@@ -10,9 +10,9 @@ from collections.abc import Mapping
 import msgspec
 import numpy as np
 
+from artemis.motion.arrays import Array
 from artemis.motion.path import Path
 from artemis.motion.route import Part, Route
-from artemis.motion.spline import Array
 
 ROUTES = "routes.msgpack"
 """The name of their attachment."""

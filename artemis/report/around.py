@@ -6,8 +6,8 @@ from math import inf
 
 import numpy as np
 
+from artemis.motion.arrays import Array
 from artemis.motion.planned_route import route_poses
-from artemis.motion.spline import Array
 from artemis.route_planning.obstacle_layer import placed_returns, placed_scan
 from artemis.scan import Scan
 from artemis.values import JobKind, Tick

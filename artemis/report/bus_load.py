@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from artemis.devices.can_bus import most_bits
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 from artemis.recording.schemas import FRAME_RECORD
 
 BUS_BIN = 0.2

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from artemis.drive_states import DriveState
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 from artemis.recording.journal import Entry
 from artemis.report.charts import SECTIONS, TIME, Chart, charts_of
 from artemis.report.series import Interval, Series

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 from artemis.report.series import Series
 
 MILLI, DEGREES, PERCENT = 1000.0, 180.0 / np.pi, 100.0

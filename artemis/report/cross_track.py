@@ -9,13 +9,13 @@ from math import isfinite, nan
 import numpy as np
 
 from artemis.errors import ConfigError
+from artemis.motion.arrays import Array
 from artemis.motion.fitting import route_for
 from artemis.motion.joining import straight
 from artemis.motion.path import Path
 from artemis.motion.perception import moment, stale_age
 from artemis.motion.poses import placed, seen_from
 from artemis.motion.route import Route, route_from_csv
-from artemis.motion.spline import Array
 from artemis.motion.waypoints import along_lines, distances
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.schemas import TickRecord

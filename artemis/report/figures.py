@@ -16,7 +16,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 
 INK = "#0a0b0c"
 """Text and axes. The page replaces it by its own text colour, so that figures fit a light and a dark page."""

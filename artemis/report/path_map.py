@@ -12,7 +12,7 @@ from math import degrees, log10
 import numpy as np
 
 from artemis.mapping.occupancy import OccupancyMap
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 from artemis.report.chart_data import ShownRun
 from artemis.report.series import Series
 

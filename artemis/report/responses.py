@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 from artemis.motion.step_response import StepResponse, slope, step_response
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.schemas import TickRecord

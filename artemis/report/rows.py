@@ -13,7 +13,7 @@ from struct import Struct
 import numpy as np
 from numpy.typing import NDArray
 
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 
 ALL = 60_000
 """Of a run with no more ticks every row stays: 20 minutes at 50 Hz."""

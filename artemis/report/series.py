@@ -11,9 +11,9 @@ from operator import attrgetter
 import numpy as np
 
 from artemis.mapping.occupancy import OccupancyMap
+from artemis.motion.arrays import Array
 from artemis.motion.path import Path
 from artemis.motion.poses import placed, seen_from
-from artemis.motion.spline import Array
 from artemis.recording.journal import Entry
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.schemas import TickRecord

@@ -7,7 +7,7 @@ from datetime import datetime
 
 import numpy as np
 
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 from artemis.recording.mcap_reader import Recording
 from artemis.report.series import Interval, Series, read_series
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from artemis.errors import ConfigError
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 from artemis.motion.trajectory import Trajectory
 from artemis.report.series import Series
 

@@ -12,9 +12,9 @@ import numpy as np
 from artemis.errors import ConfigError
 from artemis.mapping.se2 import wrapped
 from artemis.motion.angles import wrap
+from artemis.motion.arrays import Array
 from artemis.motion.planned_route import packed_route, planned_route, unpacked_route
 from artemis.motion.route import Route
-from artemis.motion.spline import Array
 from artemis.motion.view import placed_points
 from artemis.route_planning.floor import (
     BESIDE,

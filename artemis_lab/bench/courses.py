@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline  # scipy has no types
 
+from artemis.motion.arrays import Array
 from artemis.motion.path import Path, path_from_points
-from artemis.motion.spline import Array
 from artemis.values import Pose
 from artemis.vehicle import RobotFile
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 from artemis_lab.bench.courses import SPACING, Course
 
 WINDOW = 0.5

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from artemis.clock import stopwatch
+from artemis.motion.arrays import Array
 from artemis.motion.path import SPACING, Path
-from artemis.motion.spline import Array
 from artemis.plugins.contracts import Follower
 from artemis.values import Pose
 from artemis.vehicle import RobotFile

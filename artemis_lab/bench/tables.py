@@ -11,7 +11,7 @@ from textwrap import shorten
 
 import numpy as np
 
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 from artemis_lab.bench.cases import CASES, CLEAN, NOISY
 from artemis_lab.bench.followers import FRAMES, RANDOM, Measurement
 from artemis_lab.bench.judge import Figures

@@ -11,7 +11,7 @@ from rich.progress import Progress
 
 from artemis.errors import ConfigError, similar
 from artemis.mission.loading import load_model
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 from artemis.plugins.guard import MAKING_ERRORS, told
 from artemis.report.drawing import check_figures
 from artemis.testing.contracts import ROBOT

@@ -16,9 +16,9 @@ from unittest.mock import patch
 
 import numpy as np
 
+from artemis.motion.arrays import Array
 from artemis.motion.path import Path
 from artemis.motion.pose_filter import PoseFilter
-from artemis.motion.spline import Array
 from artemis.plugins.contracts import PluginContext
 from artemis.plugins.followers import frenet
 from artemis.testing.contracts import ROBOT

@@ -14,7 +14,7 @@ import pytest
 
 from artemis.axles import Geometry
 from artemis.motion.ackermann import Ackermann
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 from artemis.motion.trajectory import Trajectory
 from artemis.values import Pose
 

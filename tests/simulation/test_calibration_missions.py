@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from rig import MISSIONS, Run, run
 
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 from artemis.values import Mode
 
 pytestmark = pytest.mark.exhaustive

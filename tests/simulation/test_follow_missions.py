@@ -11,8 +11,8 @@ import pytest
 from rig import MISSIONS, Run, run
 from scipy.spatial import cKDTree
 
+from artemis.motion.arrays import Array
 from artemis.motion.path import path_from_csv
-from artemis.motion.spline import Array
 from artemis.recording.mcap_reader import Recording
 from artemis.report.summary import Summary, summary
 from artemis.values import Mode

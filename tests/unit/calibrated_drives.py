@@ -16,7 +16,7 @@ from artemis.axles import Geometry
 from artemis.calibration.kinematics import TWO_WHEELS, Kinematics, altered
 from artemis.calibration.wheel_log import WheelLog
 from artemis.motion.ackermann import Ackermann
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 from artemis.motion.trajectory import Trajectory
 from artemis.sim.vehicle import Chassis, Vehicle
 from artemis.values import Pose

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 from artemis.motion.trajectory import Trajectory
 from artemis.values import Pose
 

@@ -24,8 +24,8 @@ from artemis.calibration.kinematics import ONE_WHEEL, Kinematics, altered, dead_
 from artemis.calibration.machine_file import Machine, log_from_table
 from artemis.calibration.score import score, track
 from artemis.mission.loading import load_model
+from artemis.motion.arrays import Array
 from artemis.motion.clocks import RUN, Clock, estimate_clock
-from artemis.motion.spline import Array
 from artemis.motion.trajectory import Trajectory
 
 DATA = Path(__file__).parents[1] / "data" / "odometry"

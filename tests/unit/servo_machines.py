@@ -14,8 +14,8 @@ from artemis.commands.gains_auto import REPETITIONS, WORTH, Answer, Identified
 from artemis.commands.gains_trial import Trial
 from artemis.drive_schema import Drive
 from artemis.mission.loading import load_model
+from artemis.motion.arrays import Array
 from artemis.motion.gain_tuning import Proposal, StepRecord
-from artemis.motion.spline import Array
 from artemis.motion.step_response import StepResponse
 from artemis.report.responses import trace_of
 from artemis.sim.axis import Regulation

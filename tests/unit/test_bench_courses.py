@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 from artemis.testing.contracts import ROBOT
 from artemis_lab.bench.courses import LONGEST, SHARE, SPACING, Course, five_courses, random_course
 

@@ -10,8 +10,8 @@ import pytest
 
 from artemis.config import Config
 from artemis.errors import ConfigError
+from artemis.motion.arrays import Array
 from artemis.motion.path import Path
-from artemis.motion.spline import Array
 from artemis.plugins.contracts import Following
 from artemis.testing.contracts import ROBOT
 from artemis.values import DriveCommand, Snapshot, Tracking

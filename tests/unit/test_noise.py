@@ -11,12 +11,12 @@ from scipy.spatial import cKDTree
 
 from artemis.errors import ConfigError
 from artemis.mission.loading import load_mission, load_model
+from artemis.motion.arrays import Array
 from artemis.motion.fitting import fitted
 from artemis.motion.noise import noise_of
 from artemis.motion.path import SMOOTHING, Path, path_from_points
 from artemis.motion.path_points import distinct
 from artemis.motion.route import Part, Route, route_from_csv
-from artemis.motion.spline import Array
 from artemis.motion.track import Track
 from artemis.values import Pose
 from artemis.vehicle import RobotFile

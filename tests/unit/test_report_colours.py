@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 
 STYLE = (Path(__file__).parents[2] / "artemis/static/report/report.css").read_text()
 LIGHT, _, REST = STYLE.partition("@media (prefers-color-scheme: dark)")

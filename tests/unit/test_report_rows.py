@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import synthetic_run
 
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 from artemis.recording.journal import Entry
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.mcap_writer import Recorder

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from artemis.errors import ConfigError
+from artemis.motion.arrays import Array
 from artemis.motion.path import Path, path_from_points
 from artemis.motion.planned_route import packed_route, unpacked_route
 from artemis.motion.rounding import CURVATURE_SHARE, rounded
 from artemis.motion.route import Part, Route
-from artemis.motion.spline import Array
 from artemis.testing.contracts import ROBOT
 
 BOUND = math.tan(math.radians(ROBOT.limits.steering_deg)) / ROBOT.geometry.wheelbase_m

@@ -10,7 +10,7 @@ import pytest
 from sim_epos_rig import STEERING, TRACTION, Rig
 
 from artemis.drive_schema import Drive, Gains
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 from artemis.motion.step_response import StepResponse, step_response
 from artemis.sim.axis import Axis, Regulation
 from artemis.sim.epos_parameters import SAVE

@@ -9,7 +9,7 @@ import pytest
 from scipy import signal
 
 from artemis.errors import CalibrationError
-from artemis.motion.spline import Array
+from artemis.motion.arrays import Array
 from artemis.motion.step_response import StepResponse, slope, step_response
 
 BEFORE = 0.1
