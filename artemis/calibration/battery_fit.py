@@ -34,7 +34,7 @@ PARTS = 10
 QUANTILE = 2.26
 """Of Student's distribution with one degree of freedom less than that, 95 %."""
 LEAST_DRIVEN = 10.0
-"""What less way took tells nothing [m]."""
+"""What a shorter distance took tells nothing [m]."""
 CURVE = 0.05
 """The difference of two points of the curve is that uncertain [V], a standard deviation."""
 BADLY = 0.15

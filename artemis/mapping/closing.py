@@ -11,7 +11,7 @@ from artemis.mapping.settings import MapSettings
 from artemis.mapping.tracking import NewKey
 
 _ROUNDS = 5
-"""Of the solver on the way."""
+"""Of the solver while the map grows."""
 
 
 class LoopCloser:

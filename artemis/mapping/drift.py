@@ -1,6 +1,6 @@
 """How far a place may be from where it is believed to be, seen from the newest key scan.
 
-Along the shortest way through the graph three errors add up: a little with each metre; that of the heading, which
+Along the shortest path through the graph three errors add up: a little with each metre; that of the heading, which
 moves all that was driven after it to the side; and that of the odometry where no scan shows how far the robot drove,
 which is the same all along and so grows with the distance.
 """
@@ -38,7 +38,7 @@ class Drift:
     """
 
     def __init__(self, settings: MapSettings, keys: KeyScans, graph: PoseGraph) -> None:
-        """Take a map that grows. The way to the key scans that it has already counts as measured by scans."""
+        """Take a map that grows. The steps to the key scans that it has already count as measured by scans."""
         self._settings, self._keys, self._graph = settings, keys, graph
         self._before, self._untold = array("q", [-1] * len(keys)), array("d", [0.0] * 2 * len(keys))
         self.share = 0.0
@@ -56,22 +56,22 @@ class Drift:
         """Of the first `count` key scans, seen from another one than the newest."""
         settings, poses = self._settings, self._keys.poses
         number = np.arange(len(poses))
-        way, towards = self._graph.ways_from(key, len(poses))
+        distance, towards = self._graph.distances_from(key, len(poses))
         there = towards >= 0
         towards = np.where(there, towards, number)
-        edge = np.subtract(way, way[towards], where=there, out=np.zeros(len(poses)))
+        edge = np.subtract(distance, distance[towards], where=there, out=np.zeros(len(poses)))
         x, y = (poses[:, :2] - poses[key, :2]).T
         by_turn = edge[:, None] * np.stack([y * y, -x * y, x * x], 1)
         parts = np.concatenate([by_turn, self._untold_edges(towards)], 1)
         while (towards != key).any() and (towards[towards] != towards).any():
             parts = parts + np.where((towards != number)[:, None], parts[towards], 0.0)
             towards = towards[towards]
-        parts, way = parts[:count], way[:count]
+        parts, distance = parts[:count], distance[:count]
         xx, xy, yy = (settings.drift_turn**2 * parts[:, :3] + _squared(self.share * parts[:, 3:])).T
-        along = settings.drift**2 * way
+        along = settings.drift**2 * distance
         covariance = np.stack([xx + along, xy, xy, yy + along], 1).reshape(-1, 2, 2)
         half, apart = (xx + yy) / 2 + along, np.hypot((xx - yy) / 2, xy)
-        return Drifts(covariance, np.sqrt(half + apart), settings.drift_turn * np.sqrt(way))
+        return Drifts(covariance, np.sqrt(half + apart), settings.drift_turn * np.sqrt(distance))
 
     def _untold_edges(self, towards: NDArray[np.int64]) -> Array:
         """Of the step from each key scan: u uᵀ / |u| of what only the odometry measured [m], as xx, xy, yy; (n, 3)."""

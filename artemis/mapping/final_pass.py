@@ -12,7 +12,7 @@ from artemis.mapping.settings import MapSettings
 from artemis.mapping.stations import Stations
 
 _OLD_LINKS = 0.05
-"""Weight of the links of the way: they hold together only what the new ones do not."""
+"""Weight of the links before this pass: they hold together only what the new ones do not."""
 _ROUNDS = 15
 _LEAST_SCORE, _LEAST_TOLD, _FARTHEST, _MOST_TURN = 0.3, 1.0, 0.3, 0.1
 """Of a match with a neighbour: its score, the beams for its weakest direction, and what it corrects [m, rad]."""
@@ -61,7 +61,7 @@ def refined_steps(
         keys: with their last poses.
         graph: what led to them.
         grid: is overwritten.
-        stations: with a way each from its key scan.
+        stations: with the motion of each from its key scan.
     """
     of, odometry = np.array(stations.keys), stations.odometry[stations.readings]
     poses = compose(keys.poses[of], stations.motions)

@@ -124,8 +124,8 @@ class LoopFinder:
         off = between(driven, seen)
         if not wide:
             return within(off, settings.agree, settings.agree_turn)
-        ways = (one.first, other.first), (one.second, other.second)
-        covariances = [self.drift.seen_from(end, begin + 1).covariance[begin] for begin, end in ways]
+        sides = (one.first, other.first), (one.second, other.second)
+        covariances = [self.drift.seen_from(end, begin + 1).covariance[begin] for begin, end in sides]
         on_map = compose([0.0, 0.0, poses[other.second, 2]], off)
         return abs(off[2]) < settings.agree_turn and likely(on_map, covariances[0] + covariances[1])
 

@@ -143,8 +143,8 @@ class PoseGraph:
                 break
         return poses
 
-    def ways_from(self, key: int, count: int) -> tuple[Array, NDArray[np.int64]]:
-        """The shortest way through the graph from each of `count` poses to pose `key`.
+    def distances_from(self, key: int, count: int) -> tuple[Array, NDArray[np.int64]]:
+        """The shortest path through the graph from each of `count` poses to pose `key`.
 
         Returns:
             Its length [m], infinite where there is none; and the pose that comes next on it, negative where there is

@@ -65,5 +65,5 @@ def shares(odometry: Array) -> Array:
 
     Of the second pose on; the last is 1. Poses that do not move are spread evenly.
     """
-    way = driven(odometry)[1:]
-    return np.asarray(way / way[-1])
+    distance = driven(odometry)[1:]
+    return np.asarray(distance / distance[-1])

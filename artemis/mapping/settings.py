@@ -88,7 +88,7 @@ class MapSettings:
     agree: float = 0.25
     agree_turn: float = 0.06
     solve_every: int = 30
-    """New loops after which the graph is solved on the way, at least,"""
+    """New loops after which the graph is solved while it grows, at least,"""
     solve_share: float = 0.05
     """and as a share of all: a graph of any size is solved a bounded number of times for each doubling."""
 

@@ -79,12 +79,12 @@ class Stations:
         at, readings = np.array(self.readings), np.arange(len(times))
         if not at.size:
             return times, np.zeros((len(times), 3))
-        before, way = np.maximum(np.searchsorted(at, readings, side="right") - 1, 0), driven(odometry)
+        before, distance = np.maximum(np.searchsorted(at, readings, side="right") - 1, 0), driven(odometry)
         found = compose(poses[before], between(odometry[at[before]], odometry))
         missing = between(compose(poses[:-1], between(odometry[at[:-1]], odometry[at[1:]])), poses[1:])
         inner = (readings > at[0]) & (readings < at[-1])
         number = before[inner]
-        share = (way[inner] - way[at[number]]) / (way[at[number + 1]] - way[at[number]])
+        share = (distance[inner] - distance[at[number]]) / (distance[at[number + 1]] - distance[at[number]])
         found[inner] = compose(found[inner], share[:, None] * missing[number])
         found[at] = poses
         return times, found

@@ -37,8 +37,8 @@ NOISE, EVERY = 0.05, 5.0
 UNDER_LOAD = 2.0
 """The voltage that is told, and that shows a low battery, is a mean of so long [s]: a start takes more for less."""
 FIRST_M, RECENT_M, RECENT_S = 20.0, 100.0, 120.0
-"""What a metre takes is the mean of the robot file's, which counts as so much way [m], and of what was driven, of both
-at most the second [m]; the mean power is of so long a time [s]."""
+"""What a metre takes is the mean of the robot file's, which counts as so much distance [m], and of what was driven, of
+both at most the second [m]; the mean power is of so long a time [s]."""
 STANDS, UNEXPLAINED = 0.01, 2.0
 """Slower than the first [m/s] the robot stands. Then a voltage that is off by more than so many standard deviations is
 a charger's."""

@@ -39,7 +39,7 @@ AGREEING, AGREEING_TIME = 5, 1.0
 CORRECTION, TURNING = 0.1, radians(5)
 """While the robot moves, its pose is corrected no faster than this [m/s, rad/s]."""
 LOST_DISTANCE = 5.0
-"""After this way without a fix that was believed [m] the pose means nothing."""
+"""After this distance without a fix that was believed [m] the pose means nothing."""
 JUMP, JUMP_TURN = 0.3, radians(10)
 """Fixes that are not believed and say that the robot is so far away, or so askew [m, rad], contradict the pose."""
 
@@ -48,7 +48,7 @@ Covariance = tuple[float, ...]
 
 
 class _Moment(Struct, frozen=True):
-    """The odometry's pose at a time [s], and all the way that was rolled until then [m]."""
+    """The odometry's pose at a time [s], and the whole distance that was rolled until then [m]."""
 
     time: float
     odom: Pose

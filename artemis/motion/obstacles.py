@@ -147,12 +147,12 @@ class ObstacleStop:
         horizon = self._horizon + _farther(rules)
         near = np.concatenate([points for view in views for points in view.around()], 1)
         free = free_distances(near, curvatures, self._box.grown(rules.margin), horizon, forward=forward)
-        distance = min([(way - rules.clear) / cos(angle) for way, angle in zip(free, angles, strict=True)])
+        distance = min([(roll - rules.clear) / cos(angle) for roll, angle in zip(free, angles, strict=True)])
         self._unseen = False
         if forward or not rules.unseen_reverse:
             known = self._ground.known(curvatures, now, forward=forward)
             if known is not None:
-                nearest = min([(way - rules.clear) / cos(angle) for way, angle in zip(known, angles, strict=True)])
+                nearest = min([(roll - rules.clear) / cos(angle) for roll, angle in zip(known, angles, strict=True)])
                 self._unseen, distance = nearest < distance, min(nearest, distance)
         speed = stopping_speed(distance, reaction, self._deceleration)
         if not self._ground.faced[forward]:

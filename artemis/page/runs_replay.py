@@ -30,7 +30,7 @@ from artemis.states.outline import numbered
 from artemis.states.step_names import name_of
 from artemis.values import LocatedPose, Pose
 
-FORM = 2
+FORM = 3
 """Of these files; those of another number are made again."""
 EVERY, MOST_STATES = 0.1, 150_000
 """Between two states [s]; in a run with more of them they are further apart."""
@@ -38,7 +38,7 @@ SCAN_EVERY, MOST_SCANS = 0.5, 4000
 """Likewise of scans, which are twenty times as large."""
 IN_PIECE = 600
 """States in one piece."""
-MOST_WAY = 6000
+MOST_TRAIL = 6000
 """Points of the driven path."""
 MOST_LINES = 4000
 """Of the log; of a longer one those that only inform are left out."""
@@ -110,7 +110,7 @@ class _Writer:
         self._state: dict[str, Any] = {}
         self._time = 0.0
         self._steps: list[tuple[float, int]] = []
-        self._way = _Way()
+        self._trail = _Trail()
         self._entries = recording.events()
         self._moments = sorted((entry.time for entry in self._entries if entry.kind in MOMENTS), reverse=True)
         self._has_map = False
@@ -143,7 +143,7 @@ class _Writer:
             "steps": [[time, step, self._name(step)] for time, step in self._steps],
             "faults": [[entry.time, entry.text, entry.level] for entry in entries if entry.kind == "fault"],
             "log": _log(entries),
-            "way": self._way.points,
+            "trail": self._trail.points,
             "map": self._has_map,
             "outcome": recording.outcome,
             "problem": recording.missing or "",
@@ -187,7 +187,7 @@ class _Writer:
         if not self._steps or self._steps[-1][1] != tick.position.step:
             self._steps.append((time, tick.position.step))
         if not snapshot.pose.lost:
-            self._way.see(time, snapshot.pose)
+            self._trail.see(time, snapshot.pose)
 
     def _end_piece(self) -> None:
         if self._states:
@@ -196,7 +196,7 @@ class _Writer:
 
     def _write_map(self) -> bool:
         """The map on which the robot was localised, or that it made; whether there is one."""
-        content, first = known_map(self._recording), self._way.first
+        content, first = known_map(self._recording), self._trail.first
         if content is None and first is not None:
             with suppress(ConfigError):
                 time, pose = first
@@ -207,7 +207,7 @@ class _Writer:
         return content is not None
 
 
-class _Way:
+class _Trail:
     """The driven path: time, x and y of points that are apart; None between two frames of the poses."""
 
     def __init__(self) -> None:
@@ -225,7 +225,7 @@ class _Way:
         elif (last := points[-1]) is not None and hypot(x - last[1], y - last[2]) < self._apart:
             return
         points.append((time, round(x, 3), round(y, 3)))
-        if len(points) > MOST_WAY:
+        if len(points) > MOST_TRAIL:
             self._apart *= 2
             self.points = [point for number, point in enumerate(points) if number % 2 == 0 or _is_end(points, number)]
 

@@ -189,7 +189,7 @@ class PageView:
         if (shown := self._map()) is not self._shown_map:
             self._shown_map = shown
             self._put("map", None if shown is None else map_part(shown))
-        self._see_way(snapshot.pose)
+        self._see_trail(snapshot.pose)
         if snapshot.time >= self._next_history:
             self._next_history = snapshot.time + HISTORY_EVERY
             self.history.append(self.sample(tick))
@@ -295,7 +295,7 @@ class PageView:
         packed = base64.b64encode(np.round(points * 100).astype("<i4").tobytes()).decode()
         self._put("scan", packed)
 
-    def _see_way(self, located: LocatedPose) -> None:
+    def _see_trail(self, located: LocatedPose) -> None:
         if located.lost:
             return
         if located.frame != self._frame:

@@ -1,4 +1,4 @@
-"""A map, seen from above, with the way of the robot and the loops of its graph."""
+"""A map, seen from above, with the trajectory of the robot and the loops of its graph."""
 
 from __future__ import annotations
 

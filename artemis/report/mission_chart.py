@@ -141,8 +141,8 @@ class _Drawing:
         frame = 'fill="currentColor" fill-opacity=".035" stroke="currentColor" stroke-opacity=".4"'
         parts = [_rect(width, height, 10, frame), head.at(PAD, 8), body.at(PAD, top), rows.at(*at)]
         if chooses:
-            way = f"V{below:g}H{AXIS}V{height:g}" if open_end else f"V{top + rows.entries[-1]:g}"
-            parts.append(_line(f"M{right:g} {top - 8:g}{way}"))
+            line = f"V{below:g}H{AXIS}V{height:g}" if open_end else f"V{top + rows.entries[-1]:g}"
+            parts.append(_line(f"M{right:g} {top - 8:g}{line}"))
         elif box.arrows and not is_mission:
             parts.append(_line(f"M{right + 4:g} {top:g}h6V{top + inner:g}h-6"))
         if rows.exits:

@@ -20,7 +20,7 @@ ALL = 60_000
 STRETCHES = 1500
 """Into so many a longer one is divided; figures show two points of each."""
 PLACES, APART = 40, 0.05
-"""On the way, so many rows of a stretch stay at most, so far [m] apart at least."""
+"""While it is read, so many rows of a stretch stay at most, so far [m] apart at least."""
 
 
 @dataclass(slots=True)

@@ -208,7 +208,7 @@ class _Reader:
         self._given, self._true_given = GivenErrors(), GivenErrors()
         self._error_end: float | None = None
         self._odometry_error_max: float | None = None
-        self._way = self._waited = 0.0
+        self._distance = self._waited = 0.0
         self._joules: float | None = None
         self._driven: float | None = None
         """By the odometry, before this tick [m]; None: unknown, or counted anew."""
@@ -262,7 +262,7 @@ class _Reader:
             row += [nan if battery is None else getattr(battery, name) for name in _OF_BATTERY]
         self._rows.add(row)
         if self._driven is not None:
-            self._way += abs(odometry.distance - self._driven)
+            self._distance += abs(odometry.distance - self._driven)
         self._driven = odometry.distance
         if tick.wish.reset_pose:
             self._driven, self._placed_after, self._located = None, time, None
@@ -301,7 +301,7 @@ class _Reader:
             map=known_map(self._recording),
             odometry=table[:, _AT["odometry_x"] : _AT["odometry_heading"] + 1],
             true=table[:, _AT["true_x"] : _AT["true_heading"] + 1],
-            distance=self._way,
+            distance=self._distance,
             speed=columns["speed"],
             wheels=_wheels(table, self._recording.robot),
             arc_length=columns["arc_length"],

@@ -1,4 +1,4 @@
-"""Two runs on one page: their numbers beside each other, both ways on one map, both in each chart."""
+"""Two runs on one page: their numbers beside each other, both trajectories on one map, both in each chart."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ Surface = Literal["plain", "dark", "shiny"]
 SURFACES: tuple[Surface, ...] = ("plain", "dark", "shiny")
 
 
-class Thing(Config):
+class Obstacle(Config):
     """Something that stands in the world."""
 
     surface: Surface = "plain"
@@ -35,14 +35,14 @@ class Thing(Config):
     """It is gone from then on."""
 
 
-class Wall(Thing):
+class Wall(Obstacle):
     """Straight pieces from point to point."""
 
     points: Annotated[tuple[Point, ...], Field(strict=False, min_length=2)]
     """[x, y] of each corner [m]."""
 
 
-class Pole(Thing):
+class Pole(Obstacle):
     """Something round."""
 
     x_m: Place
@@ -50,7 +50,7 @@ class Pole(Thing):
     diameter_m: Size
 
 
-class Crate(Thing):
+class Crate(Obstacle):
     """Something with four sides."""
 
     x_m: Place
@@ -62,7 +62,7 @@ class Crate(Thing):
     """Of its length."""
 
 
-class Person(Thing):
+class Person(Obstacle):
     """Somebody who walks from place to place, stands at the end, and is as round as a pole."""
 
     path: Annotated[tuple[Waypoint, ...], Field(strict=False, min_length=1)]
@@ -152,7 +152,7 @@ def _table(rows: list[tuple[float, ...]], columns: int) -> Floats:
     return np.array(rows, np.float64).reshape(len(rows), columns)
 
 
-def _span(thing: Thing) -> tuple[float, float, float]:
+def _span(thing: Obstacle) -> tuple[float, float, float]:
     return float(SURFACES.index(thing.surface)), thing.from_s, np.inf if thing.until_s is None else thing.until_s
 
 

@@ -55,7 +55,7 @@ class FollowMode:
     _after: float
     _lacking: float
     _over: float | None
-    _shaking: OscillationDetector | None
+    _oscillation: OscillationDetector | None
 
     def __init__(self, shared: Shared) -> None:
         self.shared = shared
@@ -67,7 +67,7 @@ class FollowMode:
         """Begin what is left of the path, unless the follower is on its way already."""
         step = self.shared.current
         tried = self.shared.results.tried
-        self._shaking = OscillationDetector(self.shared.plan, tried, snapshot) if tried else None
+        self._oscillation = OscillationDetector(self.shared.plan, tried, snapshot) if tried else None
         self._fault, self._last, self._armed, self._over, self._short = None, None, False, None, ""
         self._lacking = 0.0
         if not isinstance(step, FollowStep):
@@ -118,7 +118,7 @@ class FollowMode:
             return stand(snapshot, event=Event.DONE if snapshot.standing else None)
         if following.finished:  # whatever the follower still commands
             return replace(stand(snapshot, event=Event.DONE), over=True) if snapshot.standing else stand(snapshot)
-        if self._shaking and (fault := self._shaking.look(snapshot)):
+        if self._oscillation and (fault := self._oscillation.look(snapshot)):
             return stand(snapshot, fault=fault)
         self._spent += 0.0 if is_blocked(snapshot) else snapshot.dt
         if fault := self._overrun(following.tracking, drive.end, snapshot.odometry.distance):

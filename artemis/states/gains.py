@@ -20,10 +20,10 @@ OFF_TIME = 0.5
 """Longest time for the drives to switch off [s]."""
 REST, WATCH = 0.5, 2.0
 """The wheels rest before they turn, and are watched from the beginning of the turn on, for so long [s]."""
-SWING, MOST_SWINGS, SWING_TIME = radians(1.0), 5, 2.0
+TURN, MOST_TURNS, OSCILLATION_S = radians(1.0), 5, 2.0
 """A wheel swings whose error turned back by so much [rad] more often than so within so long [s]: a step that comes to
 rest makes one to four."""
-SHAKE = 0.002
+TURN_M = 0.002
 """The same of a driven wheel [m], of its distance against that of its set-points: its speed is too coarse."""
 
 
@@ -72,14 +72,14 @@ class OscillationCounter:
         self._turned: deque[float] = deque()
 
     def count(self, time: float, error: float) -> int:
-        """How often within `SWING_TIME` until `time` [s], where the error is that; in the order of time."""
+        """How often within `OSCILLATION_S` until `time` [s], where the error is that; in the order of time."""
         away = error - self._farthest
         if self._sense * away > 0.0:
             self._farthest = error
         elif abs(away) >= self._size:
             self._farthest, self._sense = error, -self._sense
             self._turned.append(time)
-        while self._turned and self._turned[0] <= time - SWING_TIME:
+        while self._turned and self._turned[0] <= time - OSCILLATION_S:
             self._turned.popleft()
         return len(self._turned)
 
@@ -109,7 +109,7 @@ def _switch_off(wish: Wish, names: Container[str], snapshot: Snapshot) -> Routin
 
 
 def _swings(plan: Plan) -> dict[str, OscillationCounter]:
-    return {name: OscillationCounter(SWING) for name in plan.drives("steering")}
+    return {name: OscillationCounter(TURN) for name in plan.drives("steering")}
 
 
 def _hold(
@@ -123,8 +123,8 @@ def _hold(
     while snapshot.time < until:
         snapshot = yield replace(STEERING_ON, command=DriveCommand(steering=wanted), phase=phase)
         for name, error in _errors(plan, snapshot):
-            if (often := swings[name].count(snapshot.time, error)) > MOST_SWINGS:
-                seen = f"oscillates: {often} turns by a degree or more in {SWING_TIME:g} s; less P or I, or more D"
+            if (often := swings[name].count(snapshot.time, error)) > MOST_TURNS:
+                seen = f"oscillates: {often} turns by a degree or more in {OSCILLATION_S:g} s; less P or I, or more D"
                 raise Failed(STEERING_ON, catalogue.fault("CAL-01", name, seen))
     return snapshot
 
@@ -144,18 +144,20 @@ class OscillationDetector:
         """`tried`: names of the drives that have them."""
         self._robot, self._time = plan.robot, snapshot.time
         self._distances = {d.name: d.position for d in snapshot.sensed.drives if d.name in tried}
-        self._swings = {name: OscillationCounter(SHAKE) for name in plan.drives("traction") if name in self._distances}
+        self._swings = {name: OscillationCounter(TURN_M) for name in plan.drives("traction") if name in self._distances}
 
     def look(self, snapshot: Snapshot) -> Fault | None:
-        """A wheel that swings, to and fro by `SHAKE` or more."""
+        """A wheel that swings, to and fro by `TURN_M` or more."""
         points, dt = snapshot.set_points, snapshot.time - self._time
         self._time = snapshot.time
         for drive in snapshot.sensed.drives:
             if drive.name in self._swings:
                 self._distances[drive.name] += getattr(points, self._robot.drives[drive.name].set_point) * dt
                 often = self._swings[drive.name].count(snapshot.time, self._distances[drive.name] - drive.position)
-                if often > MOST_SWINGS:
-                    seen = f"oscillates: {often} turns by {1000 * SHAKE:g} mm or more in {SWING_TIME:g} s; less P or I"
+                if often > MOST_TURNS:
+                    seen = (
+                        f"oscillates: {often} turns by {1000 * TURN_M:g} mm or more in {OSCILLATION_S:g} s; less P or I"
+                    )
                     return catalogue.fault("CAL-01", drive.name, seen)
         return None
 

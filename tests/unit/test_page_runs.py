@@ -17,7 +17,7 @@ from synthetic_run import record, run
 
 from artemis.errors import RecordingError
 from artemis.page.runs import REPLAY, RunFacts, facts_of, find, runs_of, signature
-from artemis.page.runs_replay import IN_PIECE, MOST_WAY, _Way, is_made, write_replay
+from artemis.page.runs_replay import IN_PIECE, MOST_TRAIL, _Trail, is_made, write_replay
 from artemis.page.runs_work import pack
 from artemis.page.view import PageView
 from artemis.recording.journal import Journal
@@ -275,16 +275,16 @@ def test_what_cannot_be_read_or_written_is_said(tmp_path: Path) -> None:
 
 
 def test_the_way_is_thinned_evenly_and_cut_between_frames() -> None:
-    way = _Way()
-    for number in range(3 * MOST_WAY):
-        frame = "odom" if number < MOST_WAY else "map"
-        way.see(number / 10, LocatedPose(pose=Pose(x=0.06 * number, y=0.0), frame=frame))
-    assert len(way.points) <= MOST_WAY
-    assert way.points.count(None) == 1
-    known = [point for point in way.points if point is not None]
+    trail = _Trail()
+    for number in range(3 * MOST_TRAIL):
+        frame = "odom" if number < MOST_TRAIL else "map"
+        trail.see(number / 10, LocatedPose(pose=Pose(x=0.06 * number, y=0.0), frame=frame))
+    assert len(trail.points) <= MOST_TRAIL
+    assert trail.points.count(None) == 1
+    known = [point for point in trail.points if point is not None]
     gaps = [after[1] - before[1] for before, after in pairwise(known)]
     assert max(gaps) <= 4 * 0.06 + 1e-9
-    assert known[-1][1] > 0.06 * (3 * MOST_WAY - 8)
+    assert known[-1][1] > 0.06 * (3 * MOST_TRAIL - 8)
 
 
 def test_a_piece_is_a_minute() -> None:

@@ -126,7 +126,7 @@ def test_loops_taken_back_leave_the_graph_as_if_they_had_never_been_added() -> N
         graph.remove(number)
     assert list(graph.links) == list(never.links)
     assert np.array_equal(graph.solve(start, 20, 1.5, 3.0), never.solve(start, 20, 1.5, 3.0))
-    assert np.array_equal(graph.ways_from(5, len(true)), never.ways_from(5, len(true)))
+    assert np.array_equal(graph.distances_from(5, len(true)), never.distances_from(5, len(true)))
 
 
 def test_a_graph_of_one_pose_or_no_links_stays() -> None:

@@ -1,14 +1,14 @@
-// The map: what the robot knows of its surroundings, its path, the way that it drove, and itself to scale.
+// The map: what the robot knows of its surroundings, its path, where it drove, and itself to scale.
 const canvas = document.getElementById('map'), pen = canvas.getContext('2d');
 const view = {x: 0, y: 0, scale: 60, follow: true};
 const world = {about: null, state: null, path: [], trail: [], scan: null, map: null, image: null, odometry: null, extent: [], zones: [], draft: null, corners: []};
-export const layers = []; // drawn between the way and the robot: layer(pen, size of a pixel in metres, colours)
+export const layers = []; // drawn between the trail and the robot: layer(pen, size of a pixel in metres, colours)
 let dirty = true, colours = {};
 
 const scheme = matchMedia('(prefers-color-scheme: dark)');
 function readColours() {
   const style = getComputedStyle(document.documentElement);
-  for (const name of ['ground', 'grid', 'wall', 'free', 'path', 'way', 'scan', 'body', 'body-line', 'wheel', 'doubt', 'text', 'goal', 'zone-keep-out', 'zone-slow', 'zone-prefer']) {
+  for (const name of ['ground', 'grid', 'wall', 'free', 'path', 'trail', 'scan', 'body', 'body-line', 'wheel', 'doubt', 'text', 'goal', 'zone-keep-out', 'zone-slow', 'zone-prefer']) {
     colours[name] = style.getPropertyValue(`--map-${name}`).trim();
   }
   if (world.map) paintMap();
@@ -178,7 +178,7 @@ function draw() {
   drawGrid(width / scale, height / scale, pixel);
   drawZones(pixel);
   line(world.path, colours.path, Math.max(0.05, 5 * pixel), []);
-  line(world.trail, colours.way, 2.4 * pixel, []);
+  line(world.trail, colours.trail, 2.4 * pixel, []);
   for (const layer of layers) layer(pen, pixel, colours);
   drawScan(pixel);
   if (world.about && world.state && !world.state.lost) drawRobot(pixel, world.about, world.state, colours);

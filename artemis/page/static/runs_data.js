@@ -25,9 +25,9 @@ export class PastRun {
   }
   take(index) {
     this.index = index;
-    this.way = index.way.filter(Boolean);
+    this.trail = index.trail.filter(Boolean);
     this.cuts = []; // where poses begin that are of another frame
-    for (const [at, point] of index.way.entries()) if (!point) this.cuts.push(at - this.cuts.length);
+    for (const [at, point] of index.trail.entries()) if (!point) this.cuts.push(at - this.cuts.length);
   }
   // Goes on with a run that is still being made; true: there is more of it.
   async more() {
@@ -68,12 +68,12 @@ export class PastRun {
     this.asked.delete(number);
     this.arrived();
   }
-  // The way driven until a time, in the frame of the poses then.
-  wayUntil(time) {
-    const end = before(this.way, time, point => point[0]), cut = before(this.cuts, end - 1);
-    return this.way.slice(cut ? this.cuts[cut - 1] : 0, end).map(([, x, y]) => [x, y]);
+  // What was driven until a time, in the frame of the poses then.
+  trailUntil(time) {
+    const end = before(this.trail, time, point => point[0]), cut = before(this.cuts, end - 1);
+    return this.trail.slice(cut ? this.cuts[cut - 1] : 0, end).map(([, x, y]) => [x, y]);
   }
-  get points() { return this.way.slice(this.cuts.at(-1) ?? 0).map(([, x, y]) => [x, y]); }
+  get points() { return this.trail.slice(this.cuts.at(-1) ?? 0).map(([, x, y]) => [x, y]); }
   get began() { // names of steps, with when they began first
     const found = new Map();
     for (const [time, number, name] of this.index.steps) if (name && !found.has(`${number + 1} ${name}`)) found.set(`${number + 1} ${name}`, time);

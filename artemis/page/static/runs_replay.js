@@ -8,7 +8,7 @@ import {bindStopNow, clock, longTime, makeIt, place, stateOf} from './runs_share
 
 const $ = id => document.getElementById(id);
 const asked = new URLSearchParams(location.search), id = asked.get('run') ?? '', MOST_OTHERS = 100;
-const OTHER = {light: '#8a2f72', dark: '#e7a3c8'}; // after Okabe and Ito; its way is dashed, too
+const OTHER = {light: '#8a2f72', dark: '#e7a3c8'}; // after Okabe and Ito; its trail is dashed, too
 const dark = matchMedia('(prefers-color-scheme: dark)');
 const play = window.artemis = {time: 0, playing: false, rate: 1, shown: null};
 let run = null, other = null, shift = 0, partsShown = {}, last = 0, lines = [], stale = true;
@@ -117,7 +117,7 @@ function show() {
     else if (name === 'progress') panels.showProgress(part);
   }
   map.showState(state);
-  map.showTrail([...run.wayUntil(time), ...(state.lost ? [] : [state.pose])]);
+  map.showTrail([...run.trailUntil(time), ...(state.lost ? [] : [state.pose])]);
   panels.showState(state);
   showOther(time);
 }
@@ -185,15 +185,15 @@ function showOther(time) {
   beside = play.beside = null;
   if (!other) return;
   const held = Math.min(Math.max(there, other.begin), other.end), found = other.at(held);
-  beside = {way: other.wayUntil(held), state: found?.state, on: there >= other.begin && there <= other.end};
+  beside = {trail: other.trailUntil(held), state: found?.state, on: there >= other.begin && there <= other.end};
   play.beside = beside;
   map.redraw();
 }
 map.layers.push((pen, pixel, colours) => {
-  if (run) { pen.save(); pen.globalAlpha = 0.4; map.line(run.points, colours.way, 1.2 * pixel, []); pen.restore(); } // all of it
+  if (run) { pen.save(); pen.globalAlpha = 0.4; map.line(run.points, colours.trail, 1.2 * pixel, []); pen.restore(); } // all of it
   if (!beside) return;
   const colour = dark.matches ? OTHER.dark : OTHER.light;
-  map.line(beside.way, colour, 2.4 * pixel, [8 * pixel, 5 * pixel]);
+  map.line(beside.trail, colour, 2.4 * pixel, [8 * pixel, 5 * pixel]);
   if (!beside.state || beside.state.lost) return;
   pen.save();
   pen.globalAlpha = beside.on ? 1 : 0.4;

@@ -74,7 +74,7 @@ def stops(e: Evidence) -> Iterator[Violation]:
         reaction += WATCH_MS / 1000 if injected.id in CUT_OFF else 0.0
         braking = COASTING if expected.coasts else BRAKES[expected.stop]
         budget = fastest * reaction + fastest**2 / (2 * braking) + SLACK
-        distance = _way(looks)
+        distance = _rolled(looks)
         if distance > budget:
             text = f"{injected.id} at {fastest:.2f} m/s: stopped after {distance:.3f} m, budget {budget:.3f} m"
             yield Violation("I4", injected.time, text)
@@ -92,7 +92,7 @@ def _lag(e: Evidence) -> float:
     return max(0.0, 2.5 * (e.tick - 0.02))
 
 
-def _way(looks: Sequence[Look]) -> float:
+def _rolled(looks: Sequence[Look]) -> float:
     """Distance of the virtual front wheel until it stands [m]."""
     distance = 0.0
     for before, look in pairwise(looks):
