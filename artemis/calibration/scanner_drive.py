@@ -53,7 +53,7 @@ def scanner_drive(ticks: Iterable[Tick], robot: RobotFile, name: str) -> Scanner
     """
     place = robot.scanners[name].model_copy(update={"x_m": 0.0, "y_m": 0.0, "heading_deg": 0.0})
     settings = MapSettings()
-    upright, hanging = (ScanReadings(settings, robot, name, each) for each in (place, _hung(place)))
+    upright, hanging = (ScanReadings(settings, robot, name, each) for each in (place, hung(place)))
     kept: list[tuple[Reading, Reading]] = []
 
     def moved(odometry: Array) -> bool:
@@ -76,7 +76,7 @@ def scanner_drive(ticks: Iterable[Tick], robot: RobotFile, name: str) -> Scanner
     return drive
 
 
-def _hung(mounting: Mounting) -> Mounting:
+def hung(mounting: Mounting) -> Mounting:
     """The same, seen from below."""
     mask = tuple((-last, -first) for first, last in reversed(mounting.mask))
     return mounting.model_copy(update={"mask": mask})

@@ -6,7 +6,8 @@ import sys
 from math import degrees
 from pathlib import Path
 
-from artemis.calibration.scanner_drive import ScannerDrive, scanner_drive
+from artemis.calibration.own_parts import own_parts
+from artemis.calibration.scanner_drive import ScannerDrive, hung, scanner_drive
 from artemis.calibration.scanner_fit import MountingFit, fit_mounting
 from artemis.commands.map_readings import scanner_of
 from artemis.commands.written_values import check_yes, write_values
@@ -44,25 +45,32 @@ def calibrate_scanner(run: Path, scanner: str | None, robot_file: Path | None, *
         raise ConfigError(f"{robot_file}: its scanner {name!r} differs from that of the run; drive again")
     if not COMPILED:
         sys.stderr.write(f"{notice()}\n")
-    drive = scanner_drive(recording.ticks(), recording.robot, name)
+    seeing = old.model_copy(update={"mask": own_parts(recording.ticks(), name, old.mask)})
+    robot = recording.robot.model_copy(update={"scanners": {name: seeing}})
+    drive = scanner_drive(recording.ticks(), robot, name)
     found = fit_mounting(drive.odometry, drive.scanner)
-    wanted = changes(name, old, drive, found)
+    wanted = changes(name, old, seeing, drive, found)
     tell(name, old, drive, found, wanted)
     write_values("calibrate scanner", robot_file, wanted, yes=yes)
 
 
-def changes(name: str, old: Mounting, drive: ScannerDrive, found: MountingFit) -> dict[Keys, Data]:
-    """New values of a robot file by their keys. What is the other way up has its mask on the other side."""
+def changes(name: str, old: Mounting, seeing: Mounting, drive: ScannerDrive, found: MountingFit) -> dict[Keys, Data]:
+    """New values of a robot file by their keys; `seeing`: with the mask that the drive shows.
+
+    What is the other way up has its mask on the other side.
+    """
     x, y, heading = found.mounting.tolist()
     new: dict[str, Data] = {
         "x_m": round(x, METRE_DIGITS),
         "y_m": round(y, METRE_DIGITS),
         "heading_deg": round(degrees(heading), DEGREE_DIGITS),
     }
+    mask = seeing.mask
     if drive.mirrored:
         new["upside_down"] = not old.upside_down
-        if old.mask:
-            new["mask"] = [[-last, -first] for first, last in reversed(old.mask)]
+        mask = hung(seeing).mask
+    if mask != old.mask:
+        new["mask"] = [list(sector) for sector in mask]
     return {("scanners", name, key): value for key, value in new.items()}
 
 
@@ -88,5 +96,8 @@ def tell(name: str, old: Mounting, drive: ScannerDrive, found: MountingFit, want
         lines.append(f"{'upside_down':<16}{str(old.upside_down).lower():>10}{str(not old.upside_down).lower():>10}")
         lines.append("            the scans turn against the odometry: it is the other way up than the robot file says")
     if ("scanners", name, "mask") in wanted:
-        lines.append(f"mask        {[list(each) for each in old.mask]} becomes {wanted['scanners', name, 'mask']}")
+        old_mask = [list(each) for each in old.mask] or "none"
+        lines.append(
+            f"mask        {old_mask} becomes {wanted['scanners', name, 'mask']}: there it sees the robot itself"
+        )
     sys.stdout.write("\n".join([*lines, ""]))

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from test_map_readings import mounted, robot_with, scan_of, tick
 
+from artemis.calibration.own_parts import own_parts
 from artemis.calibration.scanner_drive import ScannerDrive, scanner_drive
 from artemis.calibration.scanner_fit import fit_mounting
 from artemis.commands import calibrate_scanner as command
 from artemis.errors import CalibrationError, ConfigError
 from artemis.mapping.se2 import Array, between, compose
+from artemis.values import Tick
 from artemis.yaml_edit import edit
 from artemis.yaml_file import survey
 from artemis_lab.bench.laser_worlds import ANGLES, OFFICE, seen
@@ -112,7 +114,7 @@ def test_old_and_new_values_are_told_and_written(tmp_path: Path, capsys: pytest.
     found = fit_mounting(true, noisy(compose(true, [0.6, -0.03, np.radians(-179.0)]), 1))
     drive = ScannerDrive(odometry=true, scanner=true, mirrored=True, unmatched=0)
 
-    wanted = command.changes("front", old, drive, found)
+    wanted = command.changes("front", old, old, drive, found)
     command.tell("front", old, drive, found, wanted)
 
     told = capsys.readouterr().out
@@ -129,6 +131,48 @@ def test_old_and_new_values_are_told_and_written(tmp_path: Path, capsys: pytest.
     assert front["x_m"] == pytest.approx(0.6, abs=0.005)  # type: ignore[index, call-overload]
     assert front["upside_down"] is True  # type: ignore[index, call-overload]
     assert "# SICK LMS100 above the front axle" in robot.read_text()
+
+
+ROUND = driven([(2.0, 7.0), (2.0, -1.0)])
+
+
+def scanned(poses: Array, *, post: bool = True) -> list[Tick]:
+    """Drives in an office, with a scanner before which a post of the robot stands, 4 degrees wide."""
+    ticks = []
+    for number, pose in enumerate(poses):
+        ranges = seen(OFFICE, pose) + np.random.default_rng(number).normal(0.0, 0.012, len(ANGLES))
+        if post:
+            ranges[np.abs(np.degrees(ANGLES) - 70.0) <= 2.0] = 0.6
+        ticks.append(tick(0.1 * number, pose, scan_of(ranges, 0.1 * number)))
+    return ticks
+
+
+def test_what_stays_the_same_wherever_the_robot_is_is_a_part_of_it() -> None:
+    assert own_parts(scanned(ROUND), "front", ()) == ((68.0, 73.0),)
+    assert own_parts(scanned(ROUND), "front", ((-90.0, -80.0), (68.0, 69.5))) == ((-90.0, -80.0), (68.0, 73.0))
+    assert own_parts(scanned(ROUND), "front", ((60.0, 80.0),)) == ((60.0, 80.0),), "it is masked already"
+    assert own_parts(scanned(ROUND, post=False), "front", ()) == ()
+
+
+def test_walls_beside_a_straight_drive_are_no_part_of_the_robot() -> None:
+    aisle = [tick(0.1 * k, np.array([0.06 * k, 0, 0]), scan_of(np.full(len(ANGLES), 0.6), 0.1 * k)) for k in range(50)]
+    assert own_parts(aisle, "front", ()) == ()
+
+
+def test_a_scanner_that_sees_too_much_of_the_robot_is_refused() -> None:
+    ticks = [tick(0.1 * k, pose, scan_of(np.full(len(ANGLES), 0.6), 0.1 * k)) for k, pose in enumerate(ROUND)]
+    with pytest.raises(CalibrationError, match=r"front: it sees the robot itself in \d+.* degrees"):
+        own_parts(ticks, "front", ())
+
+
+def test_a_mask_that_is_found_is_told_and_written() -> None:
+    old = mounted(0.6, 0.0, 0.0)
+    seeing = mounted(0.6, 0.0, 0.0, mask=[[67.0, 73.0]])
+    true = driven(LOOPS)
+    found = fit_mounting(true, noisy(compose(true, [0.6, 0.0, 0.0]), 1))
+    for mirrored, mask in ((False, [[67.0, 73.0]]), (True, [[-73.0, -67.0]])):
+        drive = ScannerDrive(odometry=true, scanner=true, mirrored=mirrored, unmatched=0)
+        assert command.changes("front", old, seeing, drive, found)["scanners", "front", "mask"] == mask
 
 
 def test_confirming_needs_a_file() -> None:
