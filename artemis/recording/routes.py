@@ -1,6 +1,7 @@
 """The routes of a run, exactly, for its replay.
 
-They are made of points by numpy and scipy, whose last bits depend on the processor and on their versions.
+They are made of points by numpy, and their corners are rounded by scipy: the last bits depend on the processor and on
+the versions of both.
 """
 
 from __future__ import annotations
