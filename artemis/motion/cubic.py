@@ -5,9 +5,6 @@ scipy has them, too, but takes a third of a second to import, and LAPACK's last 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import repeat
-
 import numpy as np
 
 from artemis.motion.arrays import Array
@@ -104,36 +101,23 @@ def solved(diagonal: Array, beside: Array, beyond: Array | None, right: Array) -
         beyond: the next one, shape (n - 2,); None: there is none.
         right: right sides, shape (n, k).
     """
-    near: Sequence[float] = [0.0, *beside.tolist()]
-    far = repeat(0.0) if beyond is None else [0.0, 0.0, *beyond.tolist()]
-    rows: list[tuple[float, float, float]] = []
-    pivot, pivot_before, link = 1.0, 1.0, 0.0
-    for main, one, two in zip(diagonal.tolist(), near, far, strict=False):
-        second = two / pivot_before
-        rest = one - two * link
-        link = rest / pivot
-        pivot, pivot_before = main - link * rest - second * two, pivot
-        rows.append((pivot, link, second))
+    count = len(diagonal)
+    near = [0.0, *beside.tolist()]
+    far = [0.0, 0.0, *([0.0] * count if beyond is None else beyond.tolist())]
+    pivots, first, second = [1.0] * (count + 2), [0.0] * (count + 2), [0.0] * (count + 2)  # two more: before row 0, too
+    for row, main in enumerate(diagonal.tolist()):
+        rest = near[row] - far[row] * first[row - 1]
+        first[row], second[row] = rest / pivots[row - 1], far[row] / pivots[row - 2]
+        pivots[row] = main - first[row] * rest - second[row] * far[row]
     columns = []
     for column in right.T.tolist():
-        x = before = 0.0
-        values = []
-        for value, (_, first, second) in zip(column, rows, strict=True):
-            x, before = value - first * x - second * before, x
-            values.append(x)
-        columns.append(_back(values, rows))
+        x = [*column, 0.0, 0.0]
+        for row in range(count):
+            x[row] -= first[row] * x[row - 1] + second[row] * x[row - 2]
+        for row in reversed(range(count)):
+            x[row] = x[row] / pivots[row] - first[row + 1] * x[row + 1] - second[row + 2] * x[row + 2]
+        columns.append(x[:count])
     return np.array(columns).T
-
-
-def _back(values: list[float], rows: list[tuple[float, float, float]]) -> list[float]:
-    """The second half of the solution: divided by the pivots, then from the last row to the first."""
-    x = after = first = second = second_after = 0.0
-    for index in range(len(rows) - 1, -1, -1):
-        pivot, link, beyond = rows[index]
-        x, after = values[index] / pivot - first * x - second_after * after, x
-        values[index] = x
-        first, second_after, second = link, second, beyond
-    return values
 
 
 def _like(numbers: Array, points: Array) -> Array:
