@@ -201,6 +201,7 @@ class Odometry(Struct, frozen=True, kw_only=True, gc=False):
     driven: float = 0.0  # the same, but backwards counts as forwards
     slip: float = 0.0  # disagreement of the driven wheels in the last step: how far off the rigid-body fit [m/s]
     lost: bool = False  # driven wheels may have rolled while nobody counted: this pose means nothing
+    uncounted: bool = False  # they may have since the tick before: nothing that was near is where it was
 
 
 class Action(Enum):
@@ -279,8 +280,7 @@ class Verdict(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     faults: tuple[Fault, ...] = ()
     to_fault: bool = False
     final: bool = False  # one of the faults cannot be acknowledged in this run
-    recovers: bool = False
-    """Whatever stops the robot will be forgotten without a person, once its cause is gone."""
+    recovers: bool = False  # what stops the robot will be forgotten without a person, once its cause is gone
     resumes: bool = False
     """As `recovers`, and the mission says that the robot may continue by itself then."""
     alarm: bool = False

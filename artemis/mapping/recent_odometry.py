@@ -18,18 +18,14 @@ KEPT = 150
 
 
 class RecentOdometry:
-    """Poses by the odometry, in a frame that never jumps.
-
-    Attributes:
-        counted: the wheels were counted without a gap until the last tick.
-    """
+    """Poses by the odometry, in a frame that never jumps."""
 
     def __init__(self, robot: RobotFile) -> None:
         """Take the robot: its driven wheels are what counts."""
         self._places, self._stale = itemgetter(*robot.places), stale_age(0.0)
         self._kept: deque[tuple[float, Pose]] = deque(maxlen=KEPT)
         self._origin, self._resets = Pose(), False
-        self.counted = True
+        self._gaps = 0
 
     def see(self, tick: Tick) -> None:
         """Take in the odometry of a tick. Where that is set to another pose, the robot stands."""
@@ -39,7 +35,7 @@ class RecentOdometry:
         if self._resets and self._kept:
             self._origin = placed(self._kept[-1][1], seen_from(pose, Pose()))
         self._resets = tick.wish.reset_pose
-        self.counted = not snapshot.odometry.lost
+        self._gaps += snapshot.odometry.uncounted
         if not self._kept or time > self._kept[-1][0]:
             self._kept.append((time, placed(self._origin, pose)))
 
@@ -49,9 +45,7 @@ class RecentOdometry:
         if not self._kept or self._kept[-1][0] < scan.time + lasting:
             return None
         begin, middle, end = (self._at(scan.time + share * lasting) for share in (0.0, 0.5, 1.0))
-        return Sighting(
-            scan=scan, time=scan.time + lasting / 2, begin=begin, middle=middle, end=end, counted=self.counted
-        )
+        return Sighting(scan=scan, time=scan.time + lasting / 2, begin=begin, middle=middle, end=end, gaps=self._gaps)
 
     def _at(self, time: float) -> Pose:
         """Between two ticks; the first one kept, where it was before."""

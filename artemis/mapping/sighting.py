@@ -30,8 +30,8 @@ class Sighting:
     begin: Pose
     middle: Pose
     end: Pose
-    counted: bool
-    """The wheels were counted without a gap until then."""
+    gaps: int
+    """In how many ticks until then the wheels may have rolled uncounted: between two scans of one number none."""
 
 
 def points_of(seen: Sighting, mounting: Mounting, settings: MapSettings) -> Array:

@@ -103,7 +103,7 @@ class ObstacleStop:
         """Take what is new in a tick."""
         odometry = snapshot.odometry
         self._driven, self._at = self._driven + abs(odometry.distance - self._at), odometry.distance
-        if odometry.lost:
+        if odometry.uncounted:
             self.reset()
         speed = odometry.speed * cos(odometry.steering)
         turn = odometry.speed * sin(odometry.steering) / self._wheelbase

@@ -95,7 +95,7 @@ class Perception:
         left, right, steer_left, steer_right = self._by_place(sensed.drives)
         if sensed.results and any(result.kind is JobKind.REFERENCE for result in sensed.results):
             self._odometer.forget_angles()
-        if self._is_uncounted(sensed, left, right):
+        if uncounted := self._is_uncounted(sensed, left, right):
             self._lost = True
             if self._localisation is not None:
                 self._localisation.forget()
@@ -118,11 +118,14 @@ class Perception:
             self._stood = (left.position, right.position) if standing else (inf, inf)
             self._uncounted = False
         unheard = inf in self._stood and (_is_older(left, UNHEARD_TIME) or _is_older(right, UNHEARD_TIME))
+        odometry = self._odometry
+        if self._lost or unheard:
+            odometry = replace(odometry, lost=True, uncounted=uncounted or unheard)
         return Snapshot(
             sensed=sensed,
             dt=dt,
             pose=self._located(sensed, dt, at_once=standing and last.speed == 0.0, unheard=unheard),
-            odometry=replace(self._odometry, lost=True) if self._lost or unheard else self._odometry,
+            odometry=odometry,
             standing=standing,
             set_points=last,
             verdict=verdict,

@@ -186,8 +186,8 @@ class Plan(Struct, frozen=True, kw_only=True):
 
     @property
     def needs_scanners(self) -> bool:
-        """The robot stops where a scanner of its fails."""
-        return self.obstacles.mode != "off"
+        """The robot stops where a scanner of its fails: one of its steps is driven by what that sees."""
+        return any([rules.mode != "off" for rules in self.rules])
 
     @property
     def spare(self) -> frozenset[str]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rig import CALIBRATE, MISSIONS, Run, run, write_mission
+from rig import CALIBRATE, MISSIONS, Run, run, stick, write_mission
 
 from artemis.commands.run import run_and_report
 from artemis.errors import ConfigError
@@ -29,8 +29,8 @@ FRONT, HALF_WIDTH = 0.68, 0.27
 
 
 def mission(folder: Path, steps: list[Any], *, bus: object = "simulation", **keys: Any) -> Path:  # noqa: ANN401 (of a file)
-    world = keys.pop("world", {"walls": WALLS})
-    path = write_mission(folder, steps, bus=bus, simulation={"seed": 3, "world": world}, **keys)
+    simulation = {"seed": 3, "world": keys.pop("world", {"walls": WALLS}), **keys.pop("simulation", {})}
+    path = write_mission(folder, steps, bus=bus, simulation=simulation, **keys)
     shutil.copy(MISSIONS / "robots" / "artemis_lms100.yaml", folder / "artemis.yaml")
     return path
 
@@ -219,3 +219,35 @@ def test_what_comes_too_near_to_be_seen_does_not_cover_the_scanner(tmp_path: Pat
 
     assert faults(seen) == {"LAS-08"}
     assert max(each.pose.x for each in seen.seen) + FRONT < 2.3
+
+
+BOX = {"x_m": 5.0, "y_m": 0.0, "length_m": 0.4, "width_m": 0.5}
+HALL = [{"points": [[-2, -2.5], [10, -2.5], [10, 2.5], [-2, 2.5], [-2, -2.5]]}]
+RESTART = {"at_s": 8, "inject": "COM-26", "node": "traction-left"}
+BY_A_PERSON = [{"at_s": 14, "do": "acknowledge"}, {"at_s": 20, "do": "arm"}]
+
+
+@pytest.mark.parametrize("tick_hz", [50, pytest.param(100, marks=pytest.mark.exhaustive)])
+def test_stops_for_what_stands_there_though_the_wheels_once_rolled_uncounted(tmp_path: Path, tick_hz: int) -> None:
+    """Then the place is lost for the rest of the run; what the scanner sees is not."""
+    forwards = stick((0, 0, 0, 0), (4.2, 0, 0.6, 1), (8.5, 0, 0, 0), (28, 0, 0.6, 1), (90, 0, 0.6, 1))
+    hand = {"stick": {"plugin": "scripted", "file": "stick.csv", "max_speed_m_s": 0.5, "done_at_end": False}}
+    step = {"teleop": {"input": "stick", "until": {"seconds": 40}}}
+    simulation = {"faults": [RESTART], "operator": BY_A_PERSON}
+    world = {"walls": HALL, "boxes": [BOX]}
+
+    seen = run(
+        mission(
+            tmp_path,
+            [step],
+            files={"stick.csv": forwards},
+            inputs=hand,
+            tick_hz=tick_hz,
+            world=world,
+            simulation=simulation,
+        )
+    )
+
+    assert any(tick.snapshot.odometry.lost for tick in seen.ticks)
+    ahead = [BOX["x_m"] - BOX["length_m"] / 2 - FRONT - each.pose.x for each in seen.seen]
+    assert 0.03 < min(ahead) < 0.3

@@ -344,3 +344,15 @@ def test_a_steering_drive_that_begins_anew_loses_no_way() -> None:
     restarted = replace(rolling(0.4, 0.16), results=(told,))
     other = tuple(replace(each, boots=each.name == STEERING[0]) for each in restarted.drives)
     assert not place_is_lost(0.4, replace(restarted, drives=other), rolling(0.42, 0.16))
+
+
+def test_only_the_ticks_in_which_wheels_roll_uncounted_say_so() -> None:
+    """The place stays lost; what is near is known again by what is seen from then on."""
+    eyes = Eyes()
+    for number in range(20):
+        eyes.look(rolling(number * PERIOD, 0.4 * number * PERIOD))
+    restart = replace(rolling(0.4, 0.16), drives=drives(drive(LEFT, boots=1, position=0.0, age=0.1)))
+    seen = [eyes.look(sample).odometry for sample in (restart, *(rolling(0.42 + 0.02 * k, 0.16) for k in range(5)))]
+    assert all(odometry.lost for odometry in seen)
+    assert seen[0].uncounted
+    assert not any(odometry.uncounted for odometry in seen[2:])

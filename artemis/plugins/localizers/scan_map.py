@@ -96,7 +96,7 @@ class ScanMapLocalizer:
         self._refused: deque[float] = deque()
         """The pose that was given; and how well the scans fitted there, where they did not fit."""
         self._error: BaseException | None = None
-        self._dropped = 0
+        self._dropped = self._gaps = 0
         threaded = context.real_time
         self._delays = (-inf, -inf) if threaded else (MATCHING, SEARCHING)
         self._matching: Beside[tuple[float, Sighting]] = Beside(
@@ -208,7 +208,8 @@ class ScanMapLocalizer:
             initial = self._given.popleft()
             localizer.begin_at(*self._around(initial))
         pose = seen.middle
-        odometry = np.array([pose.x, pose.y, pose.heading]) if seen.counted else None
+        odometry = np.array([pose.x, pose.y, pose.heading]) if seen.gaps == self._gaps else None
+        self._gaps = seen.gaps
         matched, delay = localizer.update(points, odometry), self._delays[0]
         self._found.append((now + delay, self._fix(matched, seen.time)))
         if localizer.refused is not None:
