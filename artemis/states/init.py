@@ -106,7 +106,8 @@ class InitMode(RoutineMode):
         snapshot = yield from self._until(is_lost, WITHHOLDING, "COM-30", problem, snapshot, earliest)
         unheard = [name for name in self.plan.drives() if name not in missed]
         if unheard:  # an EMCY is sent once and may be lost; the drive remembers
-            told, snapshot = yield from finish_jobs(WITHHOLDING, self.bring_up.jobs(JobKind.READ_HISTORY, unheard))
+            histories = self.bring_up.jobs(JobKind.READ_HISTORY, unheard)
+            told, snapshot = yield from finish_jobs(WITHHOLDING, histories, require_no_restart)
             for result in told:
                 if LOST_HEARTBEAT not in result.values[:1]:
                     seen = (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable
+from collections.abc import Callable, Generator, Iterable
 from typing import Protocol
 
 from msgspec.structs import replace
@@ -96,11 +96,17 @@ class RoutineMode:
 Finished = Generator[Wish, Snapshot, tuple[tuple[JobResult, ...], Snapshot]]
 
 
-def finish_jobs(wish: Wish, jobs: tuple[Job, ...]) -> Finished:
-    """Wish `jobs` once, then `wish` until each has ended. Returns the results in the order of the jobs."""
+def finish_jobs(
+    wish: Wish, jobs: tuple[Job, ...], check: Callable[[Snapshot], None] = lambda snapshot: None
+) -> Finished:
+    """Wish `jobs` once, then `wish` until each has ended; `check` sees each snapshot.
+
+    Returns the results in the order of the jobs.
+    """
     results: dict[int, JobResult] = {}
     snapshot = yield replace(wish, jobs=jobs)
     while True:
+        check(snapshot)
         results.update({result.id: result for result in snapshot.sensed.results})
         if all(job.id in results for job in jobs):
             return tuple(results[job.id] for job in jobs), snapshot

@@ -29,6 +29,8 @@ RELATIVE = 0.2
 """A runaway is faster than commanded by this part, or by the row's limit if that is more."""
 AT_REST, MOVING, FAST, STILL = 0.02, 0.05, 0.1, 0.03
 """Rolling speeds [m/s]: at rest after braking, moving, clearly moving, not moving."""
+CREEPING = 0.01
+"""A robot that shall stand and rolls on faster than this [m/s] does not come to rest by itself."""
 ASTRAY = 0.2
 """Distance from the path that is worth a look [m]."""
 QUICK = 0.35
@@ -158,7 +160,10 @@ class Wheels:
         left, right, steered_left, steered_right = drives
         if self._planned == 0.0 and not self._braking:
             scrub = self._car.scrub_radius * max(abs(steered_left.velocity), abs(steered_right.velocity))
-            if self.speed - scrub > MOVING:  # wheels that are steered at standstill roll
+            least = (
+                MOVING if scrub > CREEPING else CREEPING
+            )  # wheels that are steered at standstill roll, by about that
+            if self.speed - scrub > least:
                 readings.append(("RUN-02", "", self.speed - scrub, f"{self.speed:.2f} m/s"))
         if stops or not self._driven:
             excess = self._braked_speed(drives) - self._planned

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from every_row import Scene, assert_follows, assert_noticed, cases, play
-from rig import Run, run, write_mission
+from rig import CALIBRATE, Run, run, write_mission
 from scenes_of_scanners import SCANNER_SCENES
 
 from artemis.values import Mode, Severity
@@ -20,8 +20,11 @@ def test_fault_is_noticed_in_time_and_what_must_follow_follows(tmp_path: Path, i
     assert_follows(done, scene, assert_noticed(done, id, scene))
 
 
-def driven(folder: Path, **keys: Any) -> Run:  # noqa: ANN401 (of a mission)
-    return run(write_mission(folder, [{"wait": {"seconds": 3.0}}], robot="artemis_lms100.yaml", **keys))
+WAIT = {"wait": {"seconds": 3.0}}
+
+
+def driven(folder: Path, *after: dict[str, Any], **keys: Any) -> Run:  # noqa: ANN401 (of a mission)
+    return run(write_mission(folder, [WAIT, *after], robot="artemis_lms100.yaml", **keys))
 
 
 @pytest.mark.sampled(3)
@@ -31,6 +34,15 @@ def test_what_a_mission_does_not_need_may_fail(tmp_path: Path, id: str) -> None:
     assert done.status == 0
     assert id in done.fault_ids
     assert {fault.severity for fault in done.faults} == {Severity.WARN}
+
+
+def test_what_one_step_needs_stops_the_robot(tmp_path: Path) -> None:
+    step = {"follow": {"path": "line.csv", "follower": {"speed_m_s": 0.2}, "obstacles": {"mode": "stop"}}}
+    done = driven(
+        tmp_path, CALIBRATE, step, obstacles="off", simulation={"faults": [{"at_s": 3.5, "inject": "LAS-06"}]}
+    )
+    assert done.status == 1
+    assert max(fault.severity for fault in done.faults if fault.id == "LAS-06") is Severity.CONTROLLED_STOP
 
 
 def test_a_scanner_that_is_needed_and_never_comes_ends_the_run_before_it_moves(tmp_path: Path) -> None:

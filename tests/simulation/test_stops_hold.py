@@ -23,6 +23,7 @@ from rig import (
     controlword,
     driven,
     follow,
+    run,
     standing,
     stick,
     straight,
@@ -394,3 +395,16 @@ def arrive(rig: Rig, frame: Frame) -> None:
     rig.bus._inbox.append(replace(frame, time=rig.bus._loop.time()))
     assert rig.bus._wake is not None
     rig.bus._wake()
+
+
+def test_a_robot_that_creeps_on_because_its_last_set_points_are_lost_is_stopped(tmp_path: Path) -> None:
+    hand = {"stick": {"plugin": "scripted", "file": "stick.csv", "max_speed_m_s": 0.4, "done_at_end": False}}
+    simulation = {"faults": [{"at_s": 8.37, "inject": "COM-12"}], "operator": [{"at_s": 14, "do": "end"}]}
+    rows = stick((0, 0, 0, 0), (6, 0, 1, 1), (8, 0, 0, 0), (40, 0, 0, 0))
+    steps = [{"teleop": {"input": "stick", "until": {"seconds": 30}}}]
+
+    seen = run(write_mission(tmp_path, steps, {"stick.csv": rows}, inputs=hand, simulation=simulation))
+
+    assert seen.fault_ids == ["RUN-02"]
+    rolled = [each.pose.x for each in seen.seen if each.time > 8.4]
+    assert 0.05 < rolled[-1] - rolled[0] < 0.15

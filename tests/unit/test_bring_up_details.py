@@ -226,6 +226,15 @@ def test_drive_that_restarts_before_it_is_proven_is_a_fault(when: str) -> None:
     assert fault_of(player.until(has_fault, longest=3 * PERIOD)) == ("COM-26", "steer-left")
 
 
+def test_drive_that_restarts_while_another_is_asked_for_its_history_is_a_fault() -> None:
+    drives = ObedientDrives()
+    drives.changes["steer-left"] = {"emergencies": ()}  # lost: the drive is asked
+    player = bring_up(drives)
+    player.until(lambda wish: any(job.kind is JobKind.READ_HISTORY for job in wish.jobs))
+    drives.changes["traction-left"] = {"boots": 1}
+    assert fault_of(player.tick(results=())) == ("COM-26", "traction-left")
+
+
 def test_first_of_several_drives_that_are_late_is_named_with_its_own_state() -> None:
     drives = ObedientDrives()
     player = bring_up(drives)

@@ -300,6 +300,7 @@ CASES = [
     Case("RUN-01", S1, RIGHT, "commanded -0.30", driving(-0.3, right=0.14), driving(-0.3, right=0.16), 0.079, 0.04),
     Case("RUN-02", S1, "", "0.05 m/s", rolling(0.049), rolling(0.055), hold=0.18, slow=0.04),
     Case("RUN-02", S1, "", "0.05 m/s", rolling(-0.049, DRIVING), rolling(-0.055, DRIVING), hold=0.18, slow=0.04),
+    Case("RUN-02", S1, "", "0.01 m/s", rolling(0.009), rolling(0.012, DRIVING), hold=2.0, slow=0.04),
     Case("RUN-03", S0, "", "EMERGENCY STOP", fading(0.08), fading(0.2), hold=0.18, slow=0.25),
     Case("RUN-04", S2, RIGHT, "commanded +0.30", driving(0.3, left=0.1, right=0.1), BLOCKED, 0.94, 0.04),
     Case("RUN-05", LIMIT, "", "29%", driving(0.4, left=0.305), driving(0.4, left=0.285), 0.12, slow=0.2),

@@ -196,7 +196,7 @@ def test_robot_that_rolls_off_though_nobody_drove_it_is_held_to_a_ramp_once_it_s
 
 
 @pytest.mark.parametrize("wish", [OFF, DRIVING], ids=["off", "standing"])
-@pytest.mark.parametrize(("speed", "there"), [(0.049, False), (0.051, True), (-0.051, True)])
+@pytest.mark.parametrize(("speed", "there"), [(0.009, False), (0.011, True), (-0.011, True)])
 def test_motion_that_nobody_asked_for_is_read(wish: Wish, speed: float, there: bool) -> None:
     made = Road()
     made.wish, made.speeds = wish, (0.0, speed)

@@ -47,7 +47,7 @@ MOTION: dict[str, Row] = {
         to_fault=True,
         within=0.24,
         of="wheel speed [m/s]",
-        stages=(Threshold(S1, 0.05, 0.18),),
+        stages=(Threshold(S1, 0.05, 0.18), Threshold(S1, 0.01, 2.0)),
     ),
     "RUN-03": Row(
         "does not slow down",
