@@ -13,7 +13,6 @@ from artemis.motion.planned_route import unpacked_route
 from artemis.motion.route import Route
 from artemis.plugins.contracts import Following
 from artemis.progress import SHORT
-from artemis.states.blocked import is_blocked
 from artemis.states.distance_left import distance_after
 from artemis.states.gains import OscillationDetector
 from artemis.states.mode import stand
@@ -46,6 +45,7 @@ class FollowMode:
     _entry: int  # this and the next belong to the step that has begun
     _planned: tuple[int, ...]
     _spent: float
+    _speed: float
     _longest: float
     _last: float | None  # and these to what was entered last
     _way: float
@@ -86,7 +86,8 @@ class FollowMode:
         if (battery := snapshot.battery) is not None and rest.length + self._after > battery.range_m:
             self._short = _too_far(rest.length + self._after, battery)
         self._drive = PartByPart(step.follower, rest, route.length - rest.length, self.shared.plan.robot)
-        self._longest = 2 * route.duration(step.speed or SLOWEST) + SLACK * len(route.parts)
+        self._speed = step.speed or SLOWEST
+        self._longest = 2 * route.duration(self._speed) + SLACK * len(route.parts)
         self._begun, self._entry, self._planned, self._spent = step, self.shared.entry, self.shared.route.planned, 0.0
 
     def step(self, snapshot: Snapshot) -> Wish:
@@ -120,10 +121,16 @@ class FollowMode:
             return replace(stand(snapshot, event=Event.DONE), over=True) if snapshot.standing else stand(snapshot)
         if self._oscillation and (fault := self._oscillation.look(snapshot)):
             return stand(snapshot, fault=fault)
-        self._spent += 0.0 if is_blocked(snapshot) else snapshot.dt
+        self._spent += snapshot.dt * self._share(snapshot)
         if fault := self._overrun(following.tracking, drive.end, snapshot.odometry.distance):
             return stand(snapshot, fault=fault)
         return Wish(command=following.command, traction=_ENABLED, steering=_ENABLED, phase="following")
+
+    def _share(self, snapshot: Snapshot) -> float:
+        """How much of the time counts: less where a fault or what the scanners see keeps the robot slow."""
+        if not snapshot.verdict.limits and snapshot.set_points.clearance is None:
+            return 1.0
+        return min(1.0, abs(snapshot.set_points.speed) / self._speed)
 
     def _watch_battery(self, tracking: Tracking, snapshot: Snapshot) -> None:
         """What is left to drive is certainly more than the battery reaches, for some time: the step is to end."""

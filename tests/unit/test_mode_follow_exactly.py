@@ -47,6 +47,7 @@ from artemis.values import (
     SetPoints,
     Severity,
     Snapshot,
+    Verdict,
     Wish,
 )
 
@@ -90,6 +91,15 @@ def test_time_that_an_obstacle_takes_does_not_count() -> None:
     assert stepped(mode, 1.0, 1000.0, set_points=blocked).fault is None
     assert fault_at(mode, 2.0, 29.5) is None
     assert fault_at(mode, 3.0, 2.0) == "PTH-08"
+
+
+def test_time_in_which_a_fault_keeps_the_robot_slow_counts_as_much_as_it_drives() -> None:
+    _, _, steps = follow(lambda: following(arc_length=1.0), speed=0.4)
+    mode = FollowMode(steps)
+    mode.enter(snapshot())
+    slow = {"set_points": SetPoints(speed=-0.1), "verdict": Verdict(severity=Severity.LIMIT)}
+    assert stepped(mode, 1.0, 4 * 29.5, **slow).fault is None
+    assert fault_at(mode, 2.0, 1.0) == "PTH-08"
 
 
 @pytest.mark.parametrize(("arc", "ends"), [(3.9905, True), (3.9895, False)])
