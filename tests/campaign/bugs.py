@@ -471,6 +471,7 @@ BUGS: tuple[Bug, ...] = (
     Bug("silent bus is not noticed", "silent bus", "I3", {DRIVES: without_rows("COM-29")}),
     Bug("second master is not noticed", "second master", "I3", {HOST: without_rows("COM-17")}),
     Bug("runaway is not noticed", "runaway", "I3", {WHEELS: without_rows("RUN-01")}),
+    Bug("creeping is not noticed", "last set-points lost", "I1", {WHEELS: without_rows("RUN-02")}),
     Bug("slip is not noticed", "slipping", "I3", {WHEELS: without_rows("RUN-01", "RUN-05")}),
     Bug("potentiometers are not compared", "potentiometer off", "I3", {WHEELS: without_rows("STE-03")}),
     Bug("open potentiometer is not noticed", "potentiometer open", "I3", {WHEELS: without_rows("STE-04")}),

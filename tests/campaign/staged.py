@@ -185,6 +185,7 @@ SCENARIOS: dict[str, Scenario] = {
     "unplugged": drive(fault("COM-22")),
     "silent bus": drive(fault("COM-29")),
     "runaway": drive(fault("RUN-01", node=LEFT)),
+    "last set-points lost": drive(fault("COM-12", 7.37), acts=[(14.0, "end")], seconds=8.0),
     "slipping": drive(fault("RUN-05", node=LEFT)),
     "slipping at full speed": drive(fault("RUN-05", node=LEFT), top=0.7),
     "potentiometer off": drive(fault("STE-03", node=STEER)),

@@ -4,7 +4,8 @@ It shares no decoding, no table and no verdict with what it judges. Its invarian
 
 I0  A sound robot that nobody disturbs does its whole mission; the program does not fail.
 I1  In init, fault and end no target speed but zero is on the wire; in ready, calibrate and quickstop targets only
-    fall. In fault and quickstop the true speed stays below the ramp.
+    fall. In fault and quickstop the true speed stays below the ramp. A robot that nobody drives comes to rest, or is
+    stopped.
 I2  After the loss of the input (from the end of its worst case on), or the release of its enable button, targets only
     fall, and are zero after the ramp.
 I3  Every injected fault that has to be noticed in its situation is in the journal within its worst case and one tick,
@@ -40,6 +41,7 @@ INVARIANTS: tuple[Callable[[Evidence], Iterator[Violation]], ...] = (
     faults.ends,
     frames.targets_at_rest,
     motion.slows_down,
+    motion.rests,
     frames.loss_of_input,
     faults.noticed,
     motion.stops,

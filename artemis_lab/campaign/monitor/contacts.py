@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from artemis_lab.campaign.monitor.evidence import LATE_SCANS, Evidence, Injected, Violation
 from artemis_lab.campaign.monitor.expected import Expected, expectation
+from artemis_lab.campaign.monitor.frames import DRIVING
 from artemis_lab.campaign.monitor.motion import CUT_OFF, PUSHED, STALLS, UNPOWERED
 
 Floats = NDArray[np.float64]
@@ -72,15 +73,17 @@ def touches_nothing(e: Evidence) -> Iterator[Violation]:
     if not e.world or not e.looks:
         return
     moments = _moments(e)
-    helpless = min((i.time for i in e.injected if _helps_not(i, expectation(i, e))), default=math.inf)
+    helpless = [(i.time, _drives_again(e, i)) for i in e.injected if _helps_not(i, expectation(i, e))]
+    begins = [0, *np.searchsorted(moments.time, [end for _, end in helpless if end < moments.time[-1]]).tolist()]
     slow, blind_back = e.rules.get("mode") == "slow", e.rules.get("unseen_reverse") == "allowed"
     for thing in _things(e.world, moments.time):
-        touched, unseen = _within(e, thing, moments, 0.0), bool(_within(e, thing, moments, UNSEEN)[0])
+        touched, unseen = _within(e, thing, moments, 0.0), bool(_within(e, thing, moments, UNSEEN)[begins].any())
         for at in np.flatnonzero(touched[1:] & ~touched[:-1]) + 1:
             time, speed = float(moments.time[at]), float(moments.speed[at])
             allowed = STANDS if thing.walks[at] else 0.0
             allowed = max(allowed, CREEPS if slow else 0.0, CRAWLS if unseen else 0.0)
-            if abs(speed) > allowed and time < helpless and not (blind_back and speed < 0.0):
+            excused = any(begin <= time < end for begin, end in helpless) or (blind_back and speed < 0.0)
+            if abs(speed) > allowed and not excused:
                 yield Violation("I14", time, f"touches {thing.name} at {speed:+.2f} m/s")
                 return
 
@@ -139,6 +142,15 @@ def stands_in_time(e: Evidence) -> Iterator[Violation]:
 
 def _helps_not(injected: Injected, expected: Expected) -> bool:
     return expected.coasts or injected.id in UNSOUND or injected.id.startswith(ASTRAY)
+
+
+def _drives_again(e: Evidence, injected: Injected) -> float:
+    """When the robot drives again, brought up from the start; infinite where its wheels are wrong from then on."""
+    if injected.id in PUSHED or injected.id.startswith(ASTRAY):
+        return math.inf
+    stopped = e.journal.next_mode(injected.time, "fault")
+    again = None if stopped is None else e.journal.next_mode(stopped, *DRIVING)
+    return math.inf if again is None else again
 
 
 def _backwards(e: Evidence, time: float) -> bool:

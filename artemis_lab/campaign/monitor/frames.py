@@ -62,6 +62,8 @@ def targets_at_rest(e: Evidence) -> Iterator[Violation]:
                 yield Violation("I1", time, f"target of the {side} wheel rises to {target:+.2f} m/s in {where}")
 
 
+GUIDED = ("INP-07", "INP-08", "INP-10", "INP-12")
+"""With these the stick is not what moves the robot."""
 _INPUT_LOST = {"INP-01": 0.06, "INP-03": 0.17, "INP-04": 0.17, "INP-05": 0.17, "INP-06": 1.02}
 """Worst case until the loss of the input is noticed [s]."""
 
@@ -77,8 +79,8 @@ def loss_of_input(e: Evidence) -> Iterator[Violation]:
         again = after.time if after is not None and after.held else inf
         if not row.held and again - row.time > 1.5:
             losses.append((row.time + 2.5 * e.tick, f"release of the enable button at {row.time:.3f} s"))
-    if any(i.id in ("INP-07", "INP-08", "INP-10", "INP-12") for i in e.injected):
-        losses = []  # then the stick is not what moves the robot
+    if any(i.id in GUIDED for i in e.injected):
+        losses = []
     stall = [i for i in e.injected if "seconds" in i.options]
     limits, rear = e.robot.limits, e.robot.geometry.driven_axle == "rear"
     slowest = cos(radians(limits.steering_deg)) if rear else 1.0  # the faster driven wheel, where the virtual one has 1

@@ -9,7 +9,7 @@ from math import inf
 
 from artemis_lab.campaign.monitor.evidence import Evidence, Injected, Violation
 from artemis_lab.campaign.monitor.expected import Expected, When, expectation
-from artemis_lab.campaign.monitor.frames import DRIVING, WATCH_MS
+from artemis_lab.campaign.monitor.frames import DRIVING, GUIDED, WATCH_MS
 from artemis_lab.campaign.monitor.wire import ENABLE, WATCHED_HOST, Boot, SetPoint, Status, Transfer
 from artemis_lab.campaign.witness import SIDES, Look
 
@@ -18,6 +18,9 @@ MOVING = 0.01
 """A robot that is faster moves [m/s]."""
 ROLLING = 0.05
 """A robot that is slower than this [m/s] may lose its steering."""
+CREEPING, RESTS_IN = 0.02, 2.7
+"""A robot that nobody drives and that is faster than this [m/s] is stopped within the second [s], after its ramp: it
+has two to settle, and then it brakes."""
 WORTH = 0.1
 """Stopping distances are judged from this speed on [m/s]."""
 REACTION = 0.06
@@ -121,6 +124,25 @@ def slows_down(e: Evidence) -> Iterator[Violation]:
             if abs(look.speed) > ramp + 0.05:
                 yield Violation("I1", look.time, f"{look.speed:+.2f} m/s in {mode}, ramp {ramp:.2f} m/s")
                 break
+
+
+def rests(e: Evidence) -> Iterator[Violation]:
+    """I1: while nobody drives the robot, in `ready` or with the enable button released, it stands, or is stopped."""
+    if any(i.id in GUIDED for i in e.injected):
+        return
+    longest = RESTS_IN + e.robot.limits.speed_m_s / e.robot.limits.deceleration_m_s2
+    for (begin, mode), (end, _) in pairwise([*e.journal.modes, (inf, "")]):
+        if mode not in ("ready", "teleop"):
+            continue
+        held = [(row.time, after.time) for row, after in pairwise(e.stick) if row.held] if mode == "teleop" else []
+        since: float | None = None
+        for look in e.looks_between(begin, end):
+            driven = any(pressed <= look.time < released for pressed, released in held)
+            still = driven or abs(look.speed) < CREEPING
+            since = None if still else look.time if since is None else since
+            if since is not None and look.time - since > longest:
+                yield Violation("I1", look.time, f"{look.speed:+.2f} m/s though nobody drives it since {since:.2f} s")
+                return
 
 
 def _told(targets: Sequence[tuple[float, float]], begin: float) -> float:
