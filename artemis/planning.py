@@ -20,7 +20,7 @@ from artemis.mission.obstacles import rules_for
 from artemis.mission.policies import policies_from
 from artemis.mission.schema import SerialWords
 from artemis.plugins.contracts import PluginContext, TakesTimeOnce, declared
-from artemis.plugins.guard import FOLLOWER, LOCALIZER, MAKING_ERRORS, told
+from artemis.plugins.guard import FOLLOWER, LOCALIZER, PLUGIN_ERRORS, told
 from artemis.plugins.registry import BEHAVIOURS, FOLLOWERS, INPUTS, LOCALIZERS, OBSERVERS, behaviour_class, package_of
 from artemis.plugins.stated import enable_of, follower_speed, input_speed, is_live, stale_limit
 from artemis.plugins.used import localizer_used
@@ -192,9 +192,9 @@ def made(plugin: Callable[[Config, PluginContext], Any], config: Config, context
     """
     try:
         return plugin(config, context)
-    except ConfigError:
+    except (ConfigError, KeyboardInterrupt):  # Ctrl-C meanwhile is the operator's wish
         raise
-    except MAKING_ERRORS as error:
+    except PLUGIN_ERRORS as error:
         raise PluginError(f"PLG-01 {context.name}: the plugin cannot be made: {told(error)}") from error
 
 

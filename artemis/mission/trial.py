@@ -9,7 +9,7 @@ from typing import Any
 from artemis.config import Config
 from artemis.errors import ConfigError
 from artemis.plugins.contracts import PluginContext
-from artemis.plugins.guard import MAKING_ERRORS, told
+from artemis.plugins.guard import PLUGIN_ERRORS, told
 from artemis.plugins.stated import may_share_device
 from artemis.yaml_file import KeyPath
 
@@ -25,7 +25,9 @@ def trial(
         for problem in error.problems:
             key, _, text = problem.removeprefix(own).partition(": ")
             yield ((key,), text) if problem.startswith(own) else ((), problem)
-    except MAKING_ERRORS as error:
+    except KeyboardInterrupt:  # Ctrl-C meanwhile is the operator's wish
+        raise
+    except PLUGIN_ERRORS as error:
         yield ("plugin",), f"the plugin cannot be made: {told(error)}"
 
 

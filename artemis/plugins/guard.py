@@ -52,10 +52,9 @@ OF_LOCALIZER = frozenset(["LOC-07"])
 LOCALIZER, FOLLOWER = "localizer", "follower"
 """Their names in faults."""
 
-MAKING_ERRORS = (Exception, SystemExit)
-"""What a plugin may raise when it is made and is only its own fault. Ctrl-C meanwhile is the operator's wish."""
-PLUGIN_ERRORS = (*MAKING_ERRORS, KeyboardInterrupt)
-"""The same while a run asks it: a signal raises nothing then (`Attendance`)."""
+PLUGIN_ERRORS = (BaseException,)
+"""What a plugin raises is only its own fault, also what is derived of BaseException alone: a cancelled future, the
+panic of a library. While a run asks it a signal raises nothing (`Attendance`)."""
 
 _HERE = "artemis/plugins/guard.py"
 

@@ -153,7 +153,9 @@ def _import(point: EntryPoint) -> type[Any]:
     place = f"{point.group}: plugin '{point.name}' of {_owner(point)} ({point.value})"
     try:
         plugin = point.load()
-    except (Exception, SystemExit) as error:  # a stranger's module may raise anything; its cause is chained
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # a stranger's module may raise anything; its cause is chained
         raise PluginError(f"{place} cannot be imported: {type(error).__name__}: {error}") from error
     problems = breaches(plugin, CONTRACTS[point.group])
     if point.group == BEHAVIOURS and point.name in OWN_STEPS:

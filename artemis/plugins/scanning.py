@@ -52,11 +52,19 @@ class ScannerDevice:
                 id = MISCONFIGURED if isinstance(error, WrongDevice) else LOST
                 self._report(id, self._name, one_line(error.problem))
             except PLUGIN_ERRORS as error:
+                if isinstance(error, asyncio.CancelledError | GeneratorExit) and self._is_ending():
+                    raise
                 self._report(RAISED, self._name, told(error))
                 return
             pause = FIRST_PAUSE if self._given > before else pause
             await asyncio.sleep(pause)
             pause = min(2 * pause, LONGEST_PAUSE)
+
+    @staticmethod
+    def _is_ending() -> bool:
+        """The run, not the plugin, ends what is done here."""
+        task = asyncio.current_task()
+        return task is None or task.cancelling() > 0
 
     def _give(self, scan: object) -> None:
         """Take a scan, if it is one."""

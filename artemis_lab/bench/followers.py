@@ -11,7 +11,7 @@ from itertools import product
 from pathlib import Path as FilePath
 
 from artemis.plugins.contracts import Follower, PluginContext
-from artemis.plugins.guard import MAKING_ERRORS, told
+from artemis.plugins.guard import PLUGIN_ERRORS, told
 from artemis.plugins.registry import FOLLOWERS, listing, load
 from artemis.vehicle import RobotFile
 from artemis_lab.bench import full_stack
@@ -106,7 +106,9 @@ def run(task: Task) -> Measurement:
         driven = _drive(task)
     except FollowerRefused as refusal:
         return Measurement(task=task, figures=None, problem=f"refused: {refusal}")
-    except MAKING_ERRORS as error:  # the follower's: a stranger's code may raise anything
+    except KeyboardInterrupt:
+        raise
+    except PLUGIN_ERRORS as error:  # the follower's: a stranger's code may raise anything
         return Measurement(task=task, figures=None, problem=f"raised: {told(error)}")
     figures = None if driven.problem else driven.figures
     return Measurement(

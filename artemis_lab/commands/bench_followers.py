@@ -12,7 +12,7 @@ from rich.progress import Progress
 from artemis.errors import ConfigError, similar
 from artemis.mission.loading import load_model
 from artemis.motion.arrays import Array
-from artemis.plugins.guard import MAKING_ERRORS, told
+from artemis.plugins.guard import PLUGIN_ERRORS, told
 from artemis.report.drawing import check_figures
 from artemis.testing.contracts import ROBOT
 from artemis.vehicle import RobotFile
@@ -107,7 +107,9 @@ def _step_times(
             try:
                 made = [follower(task, machine, case) for _ in range(1 if outside else ROUNDS)]
                 found[name][size] = step_times(made, path, machine)
-            except MAKING_ERRORS as error:  # the follower's: a stranger's code may raise anything
+            except KeyboardInterrupt:
+                raise
+            except PLUGIN_ERRORS as error:  # the follower's: a stranger's code may raise anything
                 words = error if isinstance(error, FollowerRefused) else told(error)
                 notes.append(f"{name}, step time, {size} points: {words}")
     return found

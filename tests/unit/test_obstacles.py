@@ -5,6 +5,7 @@ from math import inf, radians
 
 import numpy as np
 import pytest
+from msgspec.structs import replace as changed
 
 from artemis.motion.beams import LOST
 from artemis.motion.lane import unseen_ahead
@@ -301,18 +302,27 @@ def test_backwards_only_over_known_ground() -> None:
     assert allowed.speed == REVERSE_SPEED
 
 
-def test_odometry_that_is_lost_forgets_what_was_seen() -> None:
+def test_wheels_that_roll_uncounted_forget_what_was_seen() -> None:
     watch = Watch().known()
     for _ in range(5):
         watch.look(ahead(0.55))
 
-    watch.odometry = Odometry(lost=True)
+    watch.odometry = Odometry(lost=True, uncounted=True)
     watch.look(np.zeros(BEAMS))
-    watch.odometry = Odometry()
+    watch.odometry = Odometry(lost=True)
     found = watch.look(np.zeros(BEAMS))
 
     assert found is not None
     assert found.speed in (0.0, UNKNOWN_SPEED)
+
+
+def test_a_place_that_was_lost_once_does_not_forget_what_is_seen() -> None:
+    watch = Watch().known()
+    watch.odometry = changed(watch.odometry, lost=True)
+    for _ in range(5):
+        found = watch.look(ahead(0.55))
+    assert found is not None
+    assert found.speed > UNKNOWN_SPEED
 
 
 def mounted(**changes: object) -> RobotFile:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 from collections.abc import Callable
 from typing import Any, ClassVar, NamedTuple
@@ -388,8 +389,16 @@ def test_tells_what_a_plugin_raises_and_returns_however_hard_it_is_to_show() -> 
     assert len(shout.partition(" at ")[0]) == 200
 
 
-@pytest.mark.parametrize("error", [SystemExit(0), SystemExit("enough")], ids=repr)
-def test_plugin_that_wants_to_end_the_program_has_raised_an_error(error: SystemExit) -> None:
+class Panic(BaseException):
+    """As libraries in other languages raise it."""
+
+
+@pytest.mark.parametrize(
+    "error",
+    [SystemExit(0), SystemExit("enough"), asyncio.CancelledError(), GeneratorExit(), Panic("bounds")],
+    ids=repr,
+)
+def test_plugin_that_wants_to_end_the_program_has_raised_an_error(error: BaseException) -> None:
     def leave(now: float) -> OperatorInput:
         raise error
 

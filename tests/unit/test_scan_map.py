@@ -257,7 +257,8 @@ def test_a_robot_that_lost_count_is_followed_by_its_scans_alone() -> None:
     for number in range(60):
         found += localizer.fixes(0.02 * number)
         tick: Tick = TestContract().tick(0.02 * number)
-        odometry = changed(tick.snapshot.odometry, lost=number > 20, pose=Pose(x=9.0 if number > 20 else 0.0))
+        gap = number > 20
+        odometry = changed(tick.snapshot.odometry, lost=gap, uncounted=gap, pose=Pose(x=9.0 if number > 20 else 0.0))
         localizer.see(changed(tick, snapshot=changed(tick.snapshot, odometry=odometry)))
     assert found[-1].doubt == 0.0
     assert found[-1].pose.x == pytest.approx(SPEED * found[-1].time, abs=0.04)
