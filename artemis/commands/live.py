@@ -17,6 +17,7 @@ from artemis.drive_states import DriveState
 from artemis.families.family import Errors
 from artemis.plugins.guard import Problem
 from artemis.recording.asked_poses import AskedPoses
+from artemis.recording.disk import FULL
 from artemis.recording.event_log import happened, values_of
 from artemis.recording.journal import Level
 from artemis.report.fault_words import DID, next_step
@@ -181,8 +182,9 @@ class LiveView:
             sys.stdout.flush()
         except OSError as error:
             lose_output()
-            sys.stderr.write(f"artemis: standard output cannot be written: {error.strerror}; the run ends\n")
-            self._lost = True
+            self._lost = error.errno not in FULL
+            then = "the run ends" if self._lost else "the run continues, its journal shows the rest"
+            sys.stderr.write(f"artemis: standard output cannot be written: {error.strerror}; {then}\n")
 
     def _status(self, tick: Tick) -> str:
         """The changing line, no longer than the terminal is wide."""

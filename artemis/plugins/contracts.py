@@ -52,7 +52,7 @@ class PluginContext:
     """The mission of a run as JSON, in its file's own form, for an observer."""
     wake: Callable[[], None] = lambda: None
     """Asks for an extra tick now, off the schedule, in which every input is read: for a stop button that was pressed.
-    May be called from any thread."""
+    May be called from any thread; what is asked again within 5 ms waits for the next tick."""
     typed: Callable[[Callable[[bytes], None]], bool] = lambda listener: False
     """Has `listener` called with what is typed at the run's terminal, with nothing once that is closed; False: none."""
     true_pose: Callable[[], tuple[float, Pose]] | None = None

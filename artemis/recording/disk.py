@@ -14,7 +14,7 @@ from artemis.errors import RecordingError
 
 MIN_FREE = 500_000_000
 """With fewer free bytes a run is not begun where nobody watches it (DSK-01)."""
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class Disk:
@@ -46,7 +46,7 @@ class Trouble(NamedTuple):
 
 def trouble(error: OSError, file: Path, *, journal: bool = False) -> Trouble:
     """The fault that an error of the disk is: full (DSK-02), or broken (DSK-05)."""
-    return Trouble("DSK-02" if error.errno in _FULL else "DSK-05", f"{file.name}: {error.strerror}", journal)
+    return Trouble("DSK-02" if error.errno in FULL else "DSK-05", f"{file.name}: {error.strerror}", journal)
 
 
 class Writable(Protocol):
