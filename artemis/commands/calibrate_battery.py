@@ -9,6 +9,7 @@ from pathlib import Path
 from artemis.battery import Battery
 from artemis.calibration.battery_fit import FORCE, KEYS, SCALES, BatteryFit, fit_battery
 from artemis.calibration.battery_log import BatteryLog, battery_logs
+from artemis.commands.wholeness import tell_missing
 from artemis.commands.written_values import check_yes, write_values
 from artemis.errors import ConfigError
 from artemis.mission.loading import load_model
@@ -67,6 +68,7 @@ def _read(runs: Sequence[Path]) -> tuple[Battery, list[BatteryLog]]:
         if recording.robot.battery != battery:
             raise ConfigError(f"{run}: recorded with a different battery than {runs[0]}; fit them one by one")
     logs = [log for run, recording in zip(runs, recordings, strict=True) for log in battery_logs(recording, str(run))]
+    tell_missing(recordings)
     assert battery is not None, "a recording without one has no logs"
     return battery, logs
 

@@ -26,6 +26,7 @@ from artemis.calibration.score import Score, ScoredRun, checked, score, track
 from artemis.calibration.wheel_log import WheelLog, recorded_log
 from artemis.calibration.words import as_text, held_of, rows_of, score_rows
 from artemis.commands.path_formats import text_of
+from artemis.commands.wholeness import tell_missing
 from artemis.errors import ConfigError, RecordingError
 from artemis.mission.loading import load_model
 from artemis.motion.table import MAX_CHARACTERS, Table
@@ -175,6 +176,7 @@ def _recorded(runs: Sequence[Path], truths: Sequence[str]) -> tuple[Source, list
                 f"{run}: recorded with a different calibration than {runs[0]}; such runs cannot be fitted together"
             )
     pairs = [recorded_log(recording, str(run)) for run, recording in zip(runs, recordings, strict=True)]
+    tell_missing(recordings)
     if list(truths) != [SIMULATION]:
         pairs = [(log, None) for log, _ in pairs]
     counts = robot.metres_per_count("left"), robot.metres_per_count("right")

@@ -10,6 +10,7 @@ from artemis.calibration.own_parts import own_parts
 from artemis.calibration.scanner_drive import ScannerDrive, hung, scanner_drive
 from artemis.calibration.scanner_fit import MountingFit, fit_mounting
 from artemis.commands.map_readings import scanner_of
+from artemis.commands.wholeness import tell_missing
 from artemis.commands.written_values import check_yes, write_values
 from artemis.errors import ConfigError
 from artemis.mapping.kernels import COMPILED, notice
@@ -48,6 +49,7 @@ def calibrate_scanner(run: Path, scanner: str | None, robot_file: Path | None, *
     seeing = old.model_copy(update={"mask": own_parts(recording.ticks(), name, old.mask)})
     robot = recording.robot.model_copy(update={"scanners": {name: seeing}})
     drive = scanner_drive(recording.ticks(), robot, name)
+    tell_missing([recording])
     found = fit_mounting(drive.odometry, drive.scanner)
     wanted = changes(name, old, seeing, drive, found)
     tell(name, old, drive, found, wanted)

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
+from shlex import quote
 from tempfile import TemporaryDirectory
 from typing import TextIO
 
@@ -98,7 +99,7 @@ def begin(folder: Path, *, ask: bool, force: bool) -> None:
                 [*problems, "these numbers make no robot that artemis drives; nothing was written"]
             ) from None
     _write(folder, made, force=force)
-    mission = folder / "first.yaml"
+    mission = quote(str(folder / "first.yaml"))
     sys.stdout.write(
         f"\n{folder}: made. Next:\n"
         f"  artemis run {mission}    # now, against simulated drives\n"

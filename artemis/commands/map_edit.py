@@ -59,6 +59,8 @@ def edit_map(file: Path, output: Path | None, edits: Edits, *, force: bool) -> N
             raise ConfigError(f"{file}: nothing to be done; `artemis map edit --help` lists what can be")
         edit_zones(file, edits.zones, read_map(file))
         return
+    if not math.isfinite(edits.rotate) or abs(edits.rotate) > 360.0:
+        raise ConfigError(f"--rotate {edits.rotate:g}: expected degrees from -360 to 360")
     refuse_output(output, force)
     beside_output = Path(zones_file(str(output)))
     zones = edited_zones(_zones(file, edits.rotate), str(beside_output), edits.zones)

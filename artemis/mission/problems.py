@@ -134,7 +134,7 @@ def _path(document: Document, location: KeyPath) -> KeyPath:
     part: Any = document.data
     for number, key in enumerate(location, start=1):
         last = number == len(location)
-        if isinstance(part, dict) and isinstance(key, str) and (key in part or (last and "[" not in key)):
+        if isinstance(part, dict) and isinstance(key, str) and (key in part or (last and not {*"[>"} & {*key})):
             path.append(key)
             part = part.get(key)
         elif isinstance(part, list) and isinstance(key, int) and (key < len(part) or last):

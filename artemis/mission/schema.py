@@ -20,6 +20,12 @@ class BusWords(OpenConfig):
     interface: str
     """Name of the interface in python-can, such as socketcan; every other key is an option of it."""
 
+    @model_validator(mode="after")
+    def _a_channel(self) -> Self:
+        if self.interface == "socketcan" and not any(key.startswith("chan") for key in self.options):  # or misspelt
+            raise ValueError("socketcan needs a channel, such as channel: can0 (without one nothing can be sent)")
+        return self
+
     @property
     def words(self) -> dict[str, object]:
         """All words, `interface` among them."""

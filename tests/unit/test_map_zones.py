@@ -122,6 +122,14 @@ def test_what_cannot_be_is_refused_and_nothing_changed(workshop: Path, words: li
     assert workshop.with_name("workshop.zones.yaml").read_bytes() == before
 
 
+@pytest.mark.parametrize("degrees", ["nan", "inf", "1e300", "361"])
+def test_a_map_is_rotated_by_degrees(workshop: Path, tmp_path: Path, degrees: str) -> None:
+    output = tmp_path / "other.yaml"
+    told = refused("edit", workshop, "-o", output, "--rotate", degrees)
+    assert f"--rotate {float(degrees):g}: expected degrees from -360 to 360" in told
+    assert not output.exists()
+
+
 def test_a_block_that_is_not_written_line_by_line_is_left_alone() -> None:
     raw = b"zones: [{name: a, kind: prefer, corners: [[1, 1], [2, 1], [2, 2]]}]\n"
     with pytest.raises(ConfigError, match="not written line by line"):

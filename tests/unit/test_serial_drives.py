@@ -180,6 +180,7 @@ def test_nothing_is_driven_over_a_serial_line(mission: Path) -> None:
         ),
         ("{serial: ''}", "bus.serial"),
         ("{port: /dev/ttyUSB0}", "bus"),
+        ("{interface: socketcan}", "bus: socketcan needs a channel, such as channel: can0"),
         ("{serial: /dev/ttyUSB0, interface: socketcan}", "bus: expected simulation, python-can's options"),
     ],
 )
