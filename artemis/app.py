@@ -44,6 +44,7 @@ from artemis.plugins.stated import is_live
 from artemis.recording.disk import Disk
 from artemis.recording.ending import Ending
 from artemis.recording.provenance import ResumePoint
+from artemis.recording.record_folders import note_folder
 from artemis.recording.resume import DONE, last_place, where_it_stopped
 from artemis.recording.run_folder import RunFolder
 from artemis.robot import Core, Robot
@@ -333,6 +334,8 @@ def run_mission(
     alone = not (virtual or attendance.expected)
     use = localizer_of(loaded, simulated)
     record = RunRecord(loaded, provenance, disk, observers or {}, threaded=not virtual, alone=alone, localizer=use)
+    if not simulated:
+        note_folder(record.folder.path.parent)
 
     def equip() -> Equipment:
         instead = parts.machine, parts.sensors

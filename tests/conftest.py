@@ -5,10 +5,13 @@ Anything may run on any worker of pytest-xdist, beside anything else.
 
 from __future__ import annotations
 
+import atexit
 import gc
 import os
+import shutil
 import signal
 import sys
+import tempfile
 import warnings
 from collections import Counter
 from collections.abc import Generator, Iterator
@@ -19,6 +22,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: beside other
 
 import pytest
 from hypothesis import settings
+
+STATE = os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="artemis-state-")  # no test notes where people record
+atexit.register(shutil.rmtree, STATE, ignore_errors=True)
 
 for _shared in ("simulation", "e2e"):  # what tests of other folders take from there: the rig of whole runs, the command
     sys.path.append(str(Path(__file__).parent / _shared))

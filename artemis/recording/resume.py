@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 from copy import deepcopy
 from datetime import datetime
+from itertools import chain
 from pathlib import Path
 
 from msgspec.structs import replace
@@ -16,6 +17,7 @@ from artemis.progress import Position
 from artemis.recording.journal import Entry, is_under_way, read_journal
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.provenance import ResumePoint
+from artemis.recording.record_folders import noted_folders
 from artemis.recording.run_folder import RunFolder
 from artemis.recording.schemas import TickRecord
 from artemis.states.outline import numbered
@@ -179,11 +181,12 @@ def _doubts(run: Path, recording: Recording, last: TickRecord, entries: tuple[En
 
 
 def _driven_since(recording: Recording, root: Path) -> Path | None:
-    """The newest run of whichever mission that began after this one, and drove the same robot."""
-    for folder, entries in _journals(root):
+    """A run of whichever mission that began after this one, and drove the same robot, in `root` or where others lie."""
+    roots = {root.resolve(), *noted_folders()}
+    for folder, entries in chain.from_iterable(map(_journals, sorted(roots))):
         facts = entries[0].data if entries else {}
         if folder.name[:16] < f"{recording.start:%Y%m%dT%H%M%SZ}":
-            return None
+            continue
         if facts.get("bus") == SIMULATION or facts.get("robot") != recording.robot.robot:
             continue
         drove = any(entry.kind == "mode" and entry.data.get("to") in _DRIVING for entry in entries)

@@ -165,6 +165,14 @@ def test_another_mission_drives_the_robot_away_as_well(mission: Path) -> None:
     assert f"{second.folder.name} has driven the robot since" in refused(mission, first.folder)
 
 
+def test_a_mission_that_records_elsewhere_drives_the_robot_away_as_well(mission: Path) -> None:
+    first = run(mission, until=driven(HALF))
+    other = mission.with_name("other.yaml")
+    other.write_text(mission.read_text().replace('"mission": "rig"', '"mission": "other", "record": "elsewhere"'))
+    second = run(other, until=driven(HALF))
+    assert f"{second.folder.name} has driven the robot since" in refused(mission, first.folder)
+
+
 def test_a_simulated_robot_is_put_where_the_run_left_it(tmp_path: Path) -> None:
     mission = line(tmp_path)
     first = run(mission, until=driven(HALF))
