@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from artemis.states.hands import RELEASE, hands_on
 from artemis.states.homing import STRAIGHT
-from artemis.states.mode import hands_on
 from artemis.states.quickstop import waits_for
 from artemis.states.steering import JOGS, KEEP, START, TURN_IT
 from artemis.values import JobKind, Mode, Request, Tick
@@ -49,13 +49,16 @@ def ignored(request: Request, tick: Tick) -> str | None:
 
 def _arm_ignored(tick: Tick) -> str | None:
     snapshot, phase = tick.snapshot, tick.wish.phase
+    held = phase if phase.startswith(RELEASE) else hands_on(snapshot.sensed.inputs)  # of lost inputs, the mode tells
     match tick.mode:
         case Mode.FAULT:
             return "acknowledge the fault first"
         case Mode.QUICKSTOP:
-            return "the robot is still stopping" if phase in ("stopping", "switching off") else waits_for(snapshot)
+            return (
+                "the robot is still stopping" if phase in ("stopping", "switching off") else waits_for(snapshot, held)
+            )
         case Mode.INIT:
-            return "it is not needed yet" if phase in _EARLY else hands_on(snapshot.sensed.inputs)
+            return "it is not needed yet" if phase in _EARLY else held
     return "the drives are armed"
 
 
@@ -67,5 +70,7 @@ def _acknowledge_ignored(tick: Tick) -> str | None:
     if tick.mode is not Mode.QUICKSTOP:
         return "there is no fault to acknowledge"
     if verdict.stops:
-        return waits_for(tick.snapshot) if verdict.final else f"its cause is still present: {verdict.faults[0].text}"
+        return (
+            waits_for(tick.snapshot, None) if verdict.final else f"its cause is still present: {verdict.faults[0].text}"
+        )
     return None

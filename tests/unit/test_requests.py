@@ -14,6 +14,7 @@ from artemis.values import Mode, OperatorInput, Request, SetPoints, Tick, Verdic
 
 HELD = OperatorInput(source="stick", neutral=False, age=0.0)
 FAULT = "DRV-25"
+NO_REPORTS = "release the controls; no reports from trainee"
 
 
 def at(mode: Mode, phase: str = "", verdict: Verdict | None = None, **sensed: Any) -> Tick:  # noqa: ANN401
@@ -76,6 +77,9 @@ def test_arming_is_not_needed_before_it_is_asked_for(early: str) -> None:
     [
         (Mode.INIT, "waiting for arm", (), None),
         (Mode.INIT, "waiting for arm", (HELD,), "release the controls"),
+        (Mode.INIT, NO_REPORTS, (), NO_REPORTS),
+        (Mode.QUICKSTOP, NO_REPORTS, (), NO_REPORTS),
+        (Mode.READY, NO_REPORTS, (), "the drives are armed"),
         (Mode.FAULT, "", (), "acknowledge the fault first"),
         (Mode.QUICKSTOP, "stopping", (), "the robot is still stopping"),
         (Mode.QUICKSTOP, "switching off", (), "the robot is still stopping"),
