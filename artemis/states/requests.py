@@ -8,7 +8,8 @@ from artemis.states.hands import RELEASE, hands_on
 from artemis.states.homing import STRAIGHT
 from artemis.states.quickstop import waits_for
 from artemis.states.steering import JOGS, KEEP, START, TURN_IT
-from artemis.values import JobKind, Mode, Request, Tick
+from artemis.supervision.supervisor import COVERED
+from artemis.values import JobKind, Mode, Request, Tick, Verdict
 
 _EARLY = {"listening", JobKind.SECURE.value, JobKind.CONFIGURE.value, "first contact", "proving the watchdog"}
 """Phases of the bring-up before it asks for an arm."""
@@ -45,6 +46,16 @@ def ignored(request: Request, tick: Tick) -> str | None:
         return None
     mode, reason = _ONLY_IN[request]
     return None if tick.mode is mode else reason
+
+
+def accepted(request: Request, tick: Tick, before: Verdict) -> str | None:
+    """What a request of this tick accepted, after the verdict `before`; None: nothing."""
+    stopped = before.stopping
+    if request is not Request.ACKNOWLEDGE or any(fault.id != COVERED for fault in stopped):
+        return None
+    left = [fault.device for fault in tick.snapshot.verdict.faults if fault.id == COVERED]
+    taken = [fault.device for fault in stopped if fault.device not in left]
+    return f"the view of scanner {', '.join(taken)} is taken as it is" if taken else None
 
 
 def _arm_ignored(tick: Tick) -> str | None:
