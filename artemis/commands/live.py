@@ -23,7 +23,7 @@ from artemis.recording.journal import Level
 from artemis.report.fault_words import DID, next_step
 from artemis.report.mission_times import MissionTimes
 from artemis.states.modes import RUNNING
-from artemis.states.requests import ignored
+from artemis.states.requests import accepted, ignored
 from artemis.supervision.catalogue import ROWS
 from artemis.values import Fault, JobKind, Mode, OperatorInput, Request, Severity, Snapshot, Tick, Verdict
 
@@ -122,7 +122,8 @@ class LiveView:
         for request in tick.snapshot.sensed.requests:
             reason = self._requested[request] = ignored(request, tick)
             if request not in before or before[request] != reason:
-                text = f"{request.value}: ignored, {reason}" if reason else request.value
+                told = f"ignored, {reason}" if reason else accepted(request, tick, self._verdict)
+                text = f"{request.value}: {told}" if told else request.value
                 self._say(tick.snapshot.sensed.time, "request", text, _YELLOW if reason else None)
 
     def _point(self, tick: Tick) -> None:

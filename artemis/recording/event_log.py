@@ -15,7 +15,7 @@ from artemis.recording.asked_poses import AskedPoses
 from artemis.recording.emergencies import Emergencies
 from artemis.recording.journal import Entry, Level
 from artemis.states.outline import is_beside
-from artemis.states.requests import ignored
+from artemis.states.requests import accepted, ignored
 from artemis.supervision.catalogue import ROWS, emergency
 from artemis.supervision.catalogue.row import SHORT
 from artemis.supervision.supervisor import ALL_RECOVERIES
@@ -144,6 +144,8 @@ class EventLog:
             if reason := ignored(request, tick):
                 data["ignored"] = reason
                 text += f": ignored, {reason}"
+            elif taken := accepted(request, tick, self._verdict):
+                text += f": {taken}"
             yield Entry(time=sensed.time, kind="request", text=text, data=data)
 
     # -------------------------------------------------------------------------------------------------- the verdict

@@ -21,7 +21,6 @@ from artemis.states.mode import (
     failure,
     finish_jobs,
     give_up,
-    hands_on,
     listen,
     may_answer,
     secure,
@@ -68,9 +67,7 @@ class InitMode(RoutineMode):
         forgetful = [result.drive for result in results if result.kind is JobKind.CONFIGURE and result.values]
         snapshot = yield from self._prove_watchdog(snapshot, forgetful)
         latest = snapshot.time + PATIENCE
-        while (held := hands_on(snapshot.sensed.inputs)) or not (
-            bring_up.armed or Request.ARM in snapshot.sensed.requests
-        ):
+        while (held := shared.hands.held(snapshot)) or not (bring_up.armed or Request.ARM in snapshot.sensed.requests):
             late = snapshot.time > latest
             if late or not (bring_up.armed or may_answer(snapshot)):
                 yield give_up(replace(OFF, phase="no operator to arm"), late=late)

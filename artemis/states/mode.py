@@ -21,7 +21,6 @@ from artemis.values import (
     Job,
     JobKind,
     JobResult,
-    OperatorInput,
     Snapshot,
     Tracking,
     Wish,
@@ -138,15 +137,6 @@ def nobody_answers(snapshot: Snapshot) -> bool:
     """No drive was ever heard, and that is said (COM-32): what each does not answer is no news."""
     heard = any(drive.nmt is not None or drive.age is not None for drive in snapshot.sensed.drives)
     return not heard and any(fault.id == "COM-32" for fault in snapshot.verdict.faults)
-
-
-def hands_on(inputs: Iterable[OperatorInput]) -> str | None:
-    """What a person has to do before every control rests; None: nothing. Of some devices nothing is known at first."""
-    held = [sample for sample in inputs if not sample.neutral]
-    silent = [sample.source for sample in held if sample.age is None]
-    if silent:
-        return f"release the controls; {', '.join(silent)} was not heard yet: move it once"
-    return "release the controls" if held else None
 
 
 def secure(shared: Shared, wish: Wish, snapshot: Snapshot) -> Finished:

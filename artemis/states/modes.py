@@ -118,6 +118,7 @@ class Modes:
     def step(self, snapshot: Snapshot) -> Wish:
         """What the present mode wants of this tick, unless nothing but power off is left."""
         shared, verdict, self.events = self._shared, snapshot.verdict, ()
+        shared.hands.see(snapshot)
         if verdict.stops and self._step_stopped:
             shared.note_faults(verdict.stopping)
         told = take_goal(shared, snapshot) if self.mode in _UNDER_WAY else ()

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Iterable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field
+from itertools import chain, count
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -19,6 +19,7 @@ from artemis.scan import ObstacleRules
 from artemis.states.advance import MissionFacts, Passive, advance, told_after
 from artemis.states.answers import answers_to
 from artemis.states.condition import asks_battery
+from artemis.states.hands import Hands
 from artemis.states.route_progress import RouteProgress
 from artemis.states.tree import Tree, fault_names, list_of
 from artemis.supervision.catalogue import ROWS
@@ -234,7 +235,7 @@ class BringUp:
     """None: no stop by the drives is under way."""
     resets: dict[str, str] = field(default_factory=dict)
     """NMT reset that a drive needs before it is brought up again: `communication` or `node`."""
-    _ids: itertools.count[int] = field(default_factory=lambda: itertools.count(1))
+    _ids: count[int] = field(default_factory=lambda: count(1))
 
     def jobs(self, kind: JobKind, drives: Iterable[str], values: Iterable[float] | None = None) -> tuple[Job, ...]:
         """New jobs of one kind for several drives, each with its value."""
@@ -272,6 +273,8 @@ class Shared:
         """As a run of the plan begins."""
         self.plan, self.position = plan, plan.begin
         self.spare = plan.spare
+        by_hand = [step.inputs for step in plan.steps if isinstance(step, TeleopStep)]
+        self.hands = Hands(chain.from_iterable(by_hand), plan.spare)
         self.needed: tuple[str, ...] = ()
         """Inputs that have to be heard now, in mode teleop: the one that has the robot, and those before it."""
         self.bring_up = BringUp(armed=plan.armed, held=not plan.armed, placed=plan.start is not None)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from artemis.plugins.stated import STALE
@@ -30,10 +30,10 @@ class Priority:
     released the enable button in motion begins again at standstill, too (INP-09).
     """
 
-    def __init__(self, inputs: int, stale: Sequence[float] = ()) -> None:
-        """Of so many inputs, whose samples count until they are `stale` [s]; the controls of all are neutral."""
-        self._stale = tuple(stale) or (STALE,) * inputs
-        self._rested, self._released = [True] * inputs, [True] * inputs
+    def __init__(self, released: Sequence[bool], stale: Sequence[float] = ()) -> None:
+        """Of inputs whose samples count until they are `stale` [s]; of each, whether its controls were seen at rest."""
+        self._stale = tuple(stale) or (STALE,) * len(released)
+        self._rested, self._released = list(released), list(released)
         self._last = 0
 
     def decide(self, samples: Sequence[OperatorInput], *, standing: bool) -> HandOver:
@@ -62,6 +62,12 @@ class Priority:
 def is_heard(sample: OperatorInput, stale: float = STALE) -> bool:
     """Whether a sample is new enough to drive by."""
     return sample.age is not None and sample.age <= stale
+
+
+def heard(names: Sequence[str], stale: Sequence[float], samples: Iterable[OperatorInput]) -> frozenset[str]:
+    """Those of some inputs, with their limits [s] or the limit of devices, whose samples are new enough to drive by."""
+    limits = dict(zip(names, stale or (STALE,) * len(names), strict=True))
+    return frozenset(it.source for it in samples if it.source in limits and is_heard(it, limits[it.source]))
 
 
 def unheard_fault(sample: OperatorInput) -> Fault:

@@ -18,7 +18,6 @@ from artemis.states.mode import (
     failure,
     finish_jobs,
     give_up,
-    hands_on,
     may_answer,
     secure,
 )
@@ -82,7 +81,7 @@ class QuickstopMode(RoutineMode):
 
     def _may_continue(self, snapshot: Snapshot) -> bool:
         """Armed by a person, or by a mission that says so where all causes are gone; with the controls released."""
-        if waits_for(snapshot) is not None:
+        if waits_for(snapshot, self.shared.hands.held(snapshot)) is not None:
             return False
         return Request.ARM in snapshot.sensed.requests or self._continues
 
@@ -96,7 +95,8 @@ class QuickstopMode(RoutineMode):
         alone = not (may_answer(snapshot) or self._continues)
         if alone or snapshot.time > latest:
             return give_up(replace(rest, phase="no operator to arm" if alone else "stopped"), late=not alone)
-        wish = replace(rest, phase=waits_for(snapshot) or "stopped: arm to continue")
+        held = self.shared.hands.held(snapshot)
+        wish = replace(rest, phase=waits_for(snapshot, held) or "stopped: arm to continue")
         return self._lookout.watch(self.shared, wish, snapshot)
 
 
@@ -112,11 +112,11 @@ def _ramp(snapshot: Snapshot) -> Wish:
     return replace(ON, command=DriveCommand(steering=snapshot.set_points.steering), phase="stopping")
 
 
-def waits_for(snapshot: Snapshot) -> str | None:
-    """What the operator has to do before arming; None: nothing."""
+def waits_for(snapshot: Snapshot, held: str | None) -> str | None:
+    """What the operator has to do before arming, last what is `held`; None: nothing."""
     verdict = snapshot.verdict
     if verdict.final:
         return f"this run cannot continue; end it: {verdict.faults[0].text}"
     if verdict.stops:
         return "recovers automatically" if verdict.recovers else f"acknowledge: {verdict.faults[0].text}"
-    return hands_on(snapshot.sensed.inputs)
+    return held

@@ -5,7 +5,7 @@ from __future__ import annotations
 from msgspec.structs import replace
 
 from artemis.states.goto import RoutePlanning
-from artemis.states.mode import PATIENCE, at_rest, give_up, hands_on
+from artemis.states.mode import PATIENCE, at_rest, give_up
 from artemis.states.plan import (
     AskStep,
     BehaviourStep,
@@ -16,6 +16,7 @@ from artemis.states.plan import (
     TeleopStep,
     WaitStep,
 )
+from artemis.states.priority import heard
 from artemis.states.recorded import TrackFitting
 from artemis.values import DriveCommand, Event, Snapshot, Wish
 
@@ -54,11 +55,12 @@ class ReadyMode:
                 return replace(stand, event=Event.FOLLOW)
             case BehaviourStep():
                 return replace(stand, event=Event.ACT)
-            case TeleopStep(inputs=names):
-                if held := hands_on(sample for sample in snapshot.sensed.inputs if sample.source in names):
+            case TeleopStep(inputs=names) as step:
+                if held := shared.hands.held(snapshot, names):
                     if snapshot.time - self._since - shared.position.done <= PATIENCE:
                         return replace(stand, phase=held)
                     return give_up(replace(stand, phase=held), late=True)
+                shared.hands.released = heard(names, step.stale, snapshot.sensed.inputs)
                 return replace(stand, event=Event.TELEOP)
         return self._wait(stand, snapshot)
 

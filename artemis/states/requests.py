@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from artemis.states.hands import RELEASE, hands_on
 from artemis.states.homing import STRAIGHT
-from artemis.states.mode import hands_on
 from artemis.states.quickstop import waits_for
 from artemis.states.steering import JOGS, KEEP, START, TURN_IT
-from artemis.values import JobKind, Mode, Request, Tick
+from artemis.supervision.supervisor import COVERED
+from artemis.values import JobKind, Mode, Request, Tick, Verdict
 
 _EARLY = {"listening", JobKind.SECURE.value, JobKind.CONFIGURE.value, "first contact", "proving the watchdog"}
 """Phases of the bring-up before it asks for an arm."""
@@ -47,15 +48,28 @@ def ignored(request: Request, tick: Tick) -> str | None:
     return None if tick.mode is mode else reason
 
 
+def accepted(request: Request, tick: Tick, before: Verdict) -> str | None:
+    """What a request of this tick accepted, after the verdict `before`; None: nothing."""
+    stopped = before.stopping
+    if request is not Request.ACKNOWLEDGE or any(fault.id != COVERED for fault in stopped):
+        return None
+    left = [fault.device for fault in tick.snapshot.verdict.faults if fault.id == COVERED]
+    taken = [fault.device for fault in stopped if fault.device not in left]
+    return f"the view of scanner {', '.join(taken)} is taken as it is" if taken else None
+
+
 def _arm_ignored(tick: Tick) -> str | None:
     snapshot, phase = tick.snapshot, tick.wish.phase
+    held = phase if phase.startswith(RELEASE) else hands_on(snapshot.sensed.inputs)  # of lost inputs, the mode tells
     match tick.mode:
         case Mode.FAULT:
             return "acknowledge the fault first"
         case Mode.QUICKSTOP:
-            return "the robot is still stopping" if phase in ("stopping", "switching off") else waits_for(snapshot)
+            return (
+                "the robot is still stopping" if phase in ("stopping", "switching off") else waits_for(snapshot, held)
+            )
         case Mode.INIT:
-            return "it is not needed yet" if phase in _EARLY else hands_on(snapshot.sensed.inputs)
+            return "it is not needed yet" if phase in _EARLY else held
     return "the drives are armed"
 
 
@@ -67,5 +81,7 @@ def _acknowledge_ignored(tick: Tick) -> str | None:
     if tick.mode is not Mode.QUICKSTOP:
         return "there is no fault to acknowledge"
     if verdict.stops:
-        return waits_for(tick.snapshot) if verdict.final else f"its cause is still present: {verdict.faults[0].text}"
+        return (
+            waits_for(tick.snapshot, None) if verdict.final else f"its cause is still present: {verdict.faults[0].text}"
+        )
     return None

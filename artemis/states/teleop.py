@@ -18,11 +18,11 @@ class TeleopMode:
         self.shared = shared
 
     def enter(self, snapshot: Snapshot) -> None:
-        """The controls were neutral when the step began, or resumed after it was interrupted."""
+        """The step begins, or resumes after it was interrupted; `hands` knows which controls were at rest."""
         self._anew = not self.shared.position.done
         self._since, self._ending = snapshot.time - self.shared.position.done, False
         if isinstance(step := self.shared.current, TeleopStep):
-            self._priority = Priority(len(step.inputs), step.stale)
+            self._priority = Priority([name in self.shared.hands.released for name in step.inputs], step.stale)
 
     def step(self, snapshot: Snapshot) -> Wish:
         """The operator's wish; standing still when the enable button is up; done when asked and at rest."""

@@ -13,7 +13,7 @@ from artemis.motion.beams import ScanPeriod, seeing
 from artemis.mounting import Mounting
 from artemis.scan import Condition, Scan
 from artemis.supervision.measures import Reading
-from artemis.values import Mode, Request, Sensed
+from artemis.values import Sensed
 
 BEGIN_TIME = 20.0
 """A scanner has so long from the begin of the run to its first scan [s]: a motor that changes its speed takes ten."""
@@ -23,13 +23,12 @@ TELEGRAMS = 10
 """So many of the last ones are looked at for damage and loss."""
 NO_RETURN = 0.8
 """Share of the beams that returned in the scan before; where more return nothing the scanner is covered, or blinded. Of
-the first scan it is a share of all: open ground cannot be told from a cover then, so somebody has to look."""
+the first scan it is a share of all: open ground cannot be told from a cover then, so somebody has to look. What
+was not doubted like this before, and is lost, is no open ground: nobody can accept it."""
 COVERED, NEAR = 20, 3000
 """As many neighbouring beams that had a return nearer than this [mm] do not lose it at once but by a cover."""
 APPROACH = 150
 """What was seen this little beyond the least range may have come too near to be seen [mm]."""
-IN_MOTION = (Mode.CALIBRATE, Mode.TELEOP, Mode.FOLLOW, Mode.ACT)
-"""In these modes an acknowledgement says nothing of scanners."""
 
 
 class ScannerMeasures:
@@ -38,19 +37,20 @@ class ScannerMeasures:
     def __init__(self, scanners: Mapping[str, Mounting]) -> None:
         self._scanners = {name: _Watched(mounting) for name, mounting in scanners.items()}
 
-    def read(self, sensed: Sensed, mode: Mode) -> list[Reading]:
+    def read(self, sensed: Sensed) -> list[Reading]:
         """Readings of all of them; of others, which no robot file knows, nothing is expected."""
-        asked = Request.ACKNOWLEDGE in sensed.requests and mode not in IN_MOTION  # nobody looks at a window that moves
         for scan in sensed.scans:
             if (watched := self._scanners.get(scan.source)) is not None:
                 watched.take(scan, sensed.time)
         readings: list[Reading] = []
         for name, watched in self._scanners.items():
-            if asked:
-                watched.acknowledge()
             for id, value, words in watched.readings(sensed.time):
                 readings.append((id, name, value, words))
         return readings
+
+    def accept(self, name: str) -> bool:
+        """A person has looked at a scanner: what it sees now is right. False: that cannot be."""
+        return self._scanners[name].accept()
 
 
 class _Watched:
@@ -66,15 +66,14 @@ class _Watched:
         self._bad: deque[bool] = deque(maxlen=TELEGRAMS)
         self._frozen = ""
         self._late = 0.0
-        self._blind = ""
+        self._blind, self._covered = "", False
         self._uncovered: NDArray[np.uint16] | None = None
-        self._looked = False
-        """Somebody has looked at the scanner since it saw enough."""
 
-    def acknowledge(self) -> None:
-        """A person has looked: what is seen now is right, where it was doubted."""
-        if self._blind:
-            self._uncovered, self._looked = None, True
+    def accept(self) -> bool:
+        """Take what is seen now as right; not so of a scanner that saw, and now sees nothing, or nearly nothing."""
+        if not self._covered and self._last is not None:
+            self._uncovered, self._blind = self._last.millimetres, ""
+        return not self._covered
 
     def take(self, scan: Scan, now: float) -> None:
         """One more scan, sensed at run time `now` [s]."""
@@ -106,9 +105,10 @@ class _Watched:
         none, before = (ranges == 0) & self._seeing, self._uncovered
         returned = self._seeing if before is None else (before > self._nearest) & self._seeing
         lost = none & returned
-        share = int(np.count_nonzero(lost)) / max(1, int(np.count_nonzero(returned)))
-        self._blind = ""
-        if share > NO_RETURN and not (before is None and self._looked):
+        share = _share(lost, returned)
+        self._blind, self._covered = "", False
+        if share > NO_RETURN:
+            self._covered = before is not None and _share((before == 0) & self._seeing, self._seeing) <= NO_RETURN
             self._blind = f"{100 * share:.0f} % of the beams do not return{'' if before is None else ' any more'}"
         elif before is not None and (gone := _longest(lost & (before < NEAR))) > COVERED:
             self._blind = f"{gone} neighbouring beams do not return any more"
@@ -140,6 +140,10 @@ class _Watched:
             found.append(("LAS-07", self._late, f"scans come {1000 * self._late:.0f} ms late"))
         self._before = now
         return found
+
+
+def _share(part: NDArray[np.bool_], whole: NDArray[np.bool_]) -> float:
+    return int(np.count_nonzero(part)) / max(1, int(np.count_nonzero(whole)))
 
 
 def _longest(beams: NDArray[np.bool_]) -> int:

@@ -33,6 +33,8 @@ ROUNDING = 1e-6
 """Ticks are so far from exact in floating point [s]; a hold of so many ticks takes just as many."""
 NO_SLOWER = "RUN-03"
 _ADAPTER_LOST = "COM-22"
+COVERED = "LAS-06"
+"""A person who looks at the scanner may know better."""
 _STOPPED = (Mode.FAULT, Mode.QUICKSTOP)
 _SILENT = Verdict()
 _STOPS_BY = {
@@ -140,7 +142,7 @@ class Supervisor:
         if self._supply is not None:
             readings += self._supply.read(sensed)
         if self._scanners is not None:
-            readings += self._scanners.read(sensed, mode)
+            readings += self._scanners.read(sensed)
         for fault in sensed.faults:
             if fault.id == _ADAPTER_LOST:
                 return readings  # of the drives nothing can be known
@@ -215,6 +217,8 @@ class Supervisor:
         asked = asked and now - self._acknowledged >= ACKNOWLEDGE_AGAIN
         if asked:
             self._acknowledged = now
+            for key in self._accepted():
+                del latched[key]
         for key, entry in list(latched.items()):
             gone = self._is_gone(entry, now)
             mild = entry.fault.severity < Severity.CONTROLLED_STOP
@@ -226,6 +230,16 @@ class Supervisor:
                 del latched[key]
             for id in {id for id, _ in stopping}:
                 self._recovered.setdefault(id, []).append(now)
+
+    def _accepted(self) -> list[tuple[str, str]]:
+        """The scanners that an acknowledgment is about, whose view is taken as it is: nothing else stops the robot.
+
+        Nobody looks at a window that moves.
+        """
+        stopping = self._stopping()
+        if self._scanners is None or self._wheels.speed > STANDING or any(id != COVERED for id, _ in stopping):
+            return []
+        return [key for key, entry in stopping.items() if not entry.fault.final and self._scanners.accept(key[1])]
 
     def _is_gone(self, entry: _Latched, now: float) -> bool:
         """The cause is not there in this tick, and has not been for the row's settling time."""

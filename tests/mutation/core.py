@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 _ROWS = ("unit/test_supervisor_rows.py",)
 _MODES = ("unit/test_mode_details.py", "unit/test_mode_memory.py", "unit/test_mode_corners.py")
-_HANDS = ("unit/test_hand_over.py", "unit/test_mode_teleop.py")
+_HANDS = ("unit/test_hands.py", "unit/test_hand_over.py", "unit/test_mode_teleop.py")
 _MISSION = ("unit/test_mission_advance.py", "unit/test_mode_questions.py", "unit/test_mission_condition.py")
 _STOPS = ("unit/test_stop_details.py", "unit/test_modes_at_rest.py", "unit/test_mode_fault.py", *_MODES)
 _TABLE = ("unit/test_faults_page.py", "unit/test_catalogue.py", "unit/test_axles.py", *_ROWS)
@@ -60,6 +60,7 @@ CORE: Mapping[str, tuple[str, ...]] = {
     ),
     "states/teleop.py": (*_HANDS, *_MISSION, "unit/test_modes.py", "unit/test_mode_timed.py", *_MODES),
     "states/priority.py": _HANDS,
+    "states/hands.py": _HANDS,
     "states/keeping.py": ("unit/test_keeping.py",),
     "states/alignment.py": ("unit/test_alignment.py", "unit/test_bring_up_details.py"),
     "states/steering.py": ("unit/test_measuring_steering.py",),

@@ -19,13 +19,13 @@ PILOT = stick((0, 0, 0, 0), (20, 0, 0, 0))
 TRAINEE = stick((0, 0, 0, 0), (10, 0, 0.5, 1), (16, 0, 0, 0), (19, 0, 0, 0))
 
 
-def two(folder: Path, *faults: dict[str, Any], pilot: str = PILOT, **keys: str) -> Run:
-    """A run in which the trainee drives from 10 s to 16 s."""
+def two(folder: Path, *faults: dict[str, Any], pilot: str = PILOT, trainee: str = TRAINEE, **keys: str) -> Run:
+    """A run in which the trainee drives from 10 s to 16 s, if nothing else is said."""
     inputs = {
         "pilot": {"plugin": "scripted", "file": "pilot.csv"},
         "trainee": {"plugin": "scripted", "file": "trainee.csv"},
     }
-    files = {"pilot.csv": pilot, "trainee.csv": TRAINEE}
+    files = {"pilot.csv": pilot, "trainee.csv": trainee}
     step = {"teleop": {**BOTH["teleop"], **keys}}
     return run(write_mission(folder, [CALIBRATE, step], files, inputs=inputs, simulation={"faults": list(faults)}))
 
@@ -90,4 +90,37 @@ def test_path_is_recorded_whoever_drives(tmp_path: Path) -> None:
     done = two(tmp_path, record="way")
     (path,) = tmp_path.glob("runs/*/paths/way.csv")
     assert len(path.read_text().splitlines()) > 10
+    assert done.status == 0
+
+
+def test_button_that_was_never_released_drives_nothing_though_its_input_is_lost_for_a_tick(tmp_path: Path) -> None:
+    """Before the wheels are aligned, and before the step: nobody has seen the controls released."""
+    lost = [{"at_s": at, "inject": "INP-01", "input": "trainee", "duration_s": 0.02} for at in (3.0, 16.0)]
+    held = stick((0, 0, 0.5, 1), (5, 0, 0, 0), (6, 0, 0.5, 1), (20, 0, 0, 0), (21, 0, 0.5, 1), (23, 0, 0, 0))
+    done = two(tmp_path, *lost, pilot=stick((0, 0, 0, 0), (25, 0, 0, 0)), trainee=held)
+    for begin, end, mode in ((2.0, 4.9, Mode.INIT), (15.0, 19.9, Mode.READY)):
+        waits = [(seen.mode, seen.phase) for seen in done.seen if begin < seen.time < end]
+        assert [wait for wait, _ in itertools.groupby(waits)] == [
+            (mode, "release the controls"),
+            (mode, "release the controls; no reports from trainee"),
+            (mode, "release the controls"),
+        ]
+    drives = done.first(lambda seen: seen.phase == "driving: trainee")
+    assert drives.time == pytest.approx(21.0, abs=0.05)
+    assert (done.status, done.fault_ids) == (0, ["INP-01"])
+
+
+def test_input_that_stays_away_is_left_aside_until_it_was_seen_released(tmp_path: Path) -> None:
+    away = {"at_s": 0.0, "inject": "INP-01", "input": "trainee", "duration_s": 18.0}
+    held = stick((0, 0, 0, 0), (10, 0, 0.5, 1), (21, 0, 0, 0), (22, 0, 0.5, 1), (24, 0, 0, 0))
+    done = two(tmp_path, away, pilot=stick((0, 0, 0, 0), (26, 0, 0, 0)), trainee=held)
+    waits = [seen.time for seen in done.seen if seen.phase == "release the controls; no reports from trainee"]
+    assert waits[-1] == pytest.approx(5.0, abs=0.03)
+    assert phases(done)[:4] == [
+        "hold the enable button to drive",
+        "release all controls of trainee",
+        "hold the enable button to drive",
+        "driving: trainee",
+    ]
+    assert done.first(lambda seen: seen.phase == "driving: trainee").time == pytest.approx(22.0, abs=0.05)
     assert done.status == 0

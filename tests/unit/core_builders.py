@@ -23,7 +23,7 @@ from artemis.motion.route import Part, Route
 from artemis.plugins.contracts import Following
 from artemis.progress import Position
 from artemis.states.mode import ModeLogic
-from artemis.states.plan import Plan, Shared, Step
+from artemis.states.plan import Plan, Shared, Step, TeleopStep
 from artemis.supervision import catalogue
 from artemis.values import (
     Action,
@@ -120,8 +120,12 @@ def verdict(id: str, device: str = "") -> Verdict:
 
 
 def shared(*steps: Step, done: float = 0.0, **state: Any) -> Shared:
-    """What modes share in a run with these steps, of whose first so much is done; `state` is that of the bring-up."""
+    """What modes share in a run with these steps, of whose first so much is done; `state` is that of the bring-up.
+
+    The controls were at rest when the step began.
+    """
     made = Shared(Plan(robot=ROBOT, steps=steps, begin=Position(done=done)))
+    made.hands.released = frozenset(name for step in steps if isinstance(step, TeleopStep) for name in step.inputs)
     for name, value in state.items():
         setattr(made.bring_up, name, value)
     return made
@@ -229,8 +233,9 @@ class Player:
         seen = snapshot(self.time, **{"set_points": self._points, **values})
         if not self._entered:
             self.enter(seen)
-        self._wish = self.mode.step(seen)
         shared = self.mode.shared
+        shared.hands.see(seen)
+        self._wish = self.mode.step(seen)
         shared.advance(self._wish, seen, standing=True)
         self._points = points_from(self._wish, self._points)
         self._results = tuple(map(self._perform, self._wish.jobs))

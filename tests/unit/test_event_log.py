@@ -261,6 +261,13 @@ def test_a_request_that_leads_to_nothing_says_why(request_: Request, seen: Tick,
     assert entry.text == (f"{request_.value}: ignored, {reason}" if reason else request_.value)
 
 
+def test_an_acknowledgment_that_accepts_the_view_of_a_scanner_says_so() -> None:
+    asked = tick(0.02, Mode.QUICKSTOP, requests=(Request.ACKNOWLEDGE,))
+    entries = told(tick(0.0, Mode.QUICKSTOP, catalogue.fault("LAS-06", "front")), asked)
+    assert of("request", entries).text == "acknowledge: the view of scanner front is taken as it is"
+    assert of("cleared", entries).data["by"] == "person"
+
+
 def test_a_request_is_told_once_with_its_source_and_the_mode() -> None:
     asked = tick(
         0.02,

@@ -215,7 +215,7 @@ def test_needed_are_all_up_to_the_one_that_is_active() -> None:
 def test_lower_one_of_two_never_begins_but_at_standstill_and_at_rest_whatever_both_have_done() -> None:
     samples = (REST, MOVED, HELD, LOST)
     for history in itertools.product(itertools.product(samples, samples, (True, False)), repeat=3):
-        priority = Priority(2)
+        priority = Priority([True, True])
         turns = [priority.decide((first, second), standing=standing) for first, second, standing in history]
         first, second, _ = history[-1]
         assert turns[-1].active == (0 if first is HELD else 1 if second is HELD else None)
@@ -226,7 +226,7 @@ def test_lower_one_of_two_never_begins_but_at_standstill_and_at_rest_whatever_bo
         released = [(second, standing) for _, second, standing in since if second is not HELD]
         assert not lost or REST in [second for second, _ in released]
         assert not released or released[-1][1], "pressed in motion"
-    assert Priority(1).decide((REST,), standing=True) == HandOver(None, False, True, 1)
+    assert Priority([True]).decide((REST,), standing=True) == HandOver(None, False, True, 1)
 
 
 # ---------------------------------------------------------------------------------------------- the supervisor's part

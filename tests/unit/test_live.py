@@ -12,6 +12,7 @@ from msgspec.structs import replace
 from artemis.commands.live import LiveView, status
 from artemis.commands.terminal import lose_output
 from artemis.plugins.observing import QUEUE_TICKS, Observation
+from artemis.supervision import catalogue
 from artemis.values import (
     Fault,
     JobKind,
@@ -116,6 +117,20 @@ def test_a_request_that_an_input_repeats_is_one_line(capsys: pytest.CaptureFixtu
         ["0.00", "s", "request", "done"],
         ["2.00", "s", "request", "quick", "stop"],
         ["4.00", "s", "request", "done"],
+    ]
+
+
+def test_the_view_of_a_scanner_that_was_accepted_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    blind, asks = catalogue.fault("LAS-06", "front"), (Request.ACKNOWLEDGE,)
+    lines = said(
+        capsys,
+        tick(1.0, Mode.QUICKSTOP, faults=(blind,)),
+        tick(2.0, Mode.QUICKSTOP, requests=asks, faults=(blind,)),
+        tick(3.0, Mode.QUICKSTOP, requests=asks),
+    )
+    assert [line.split("request    ")[1] for line in lines if "request" in line] == [
+        f"acknowledge: ignored, its cause is still present: {blind.text}",
+        "acknowledge: the view of scanner front is taken as it is",
     ]
 
 

@@ -24,8 +24,9 @@ from artemis.states.calibrate import CalibrateMode
 from artemis.states.end import EndMode
 from artemis.states.fault import FaultMode
 from artemis.states.follow import FollowMode
+from artemis.states.hands import hands_on
 from artemis.states.init import InitMode
-from artemis.states.mode import ON, Failed, RoutineMode, hands_on, is_second
+from artemis.states.mode import ON, Failed, RoutineMode, is_second
 from artemis.states.modes import Modes
 from artemis.states.plan import CalibrateStep
 from artemis.states.quickstop import QuickstopMode

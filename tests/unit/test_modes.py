@@ -267,12 +267,13 @@ STEPS: list[tuple[Step, Event]] = [
 
 @pytest.mark.parametrize(("step", "event"), STEPS)
 def test_ready_asks_for_the_mode_of_the_step(step: Any, event: Event) -> None:
-    assert Player(ReadyMode(shared(step))).tick().event is event
+    assert Player(ReadyMode(shared(step))).tick(inputs=(OperatorInput(source="stick"),)).event is event
 
 
 def test_ready_walks_the_plan_to_its_end() -> None:
     steps = shared(*(step for step, _ in STEPS), WaitStep(seconds=0.1))
     player = Player(ReadyMode(steps))
+    player.world["inputs"] = (OperatorInput(source="stick"),)
     for _, event in STEPS:
         assert player.tick().event is event
         assert player.tick().event is event, "until the step is done"

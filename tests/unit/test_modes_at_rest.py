@@ -30,7 +30,8 @@ from artemis.motion.perception import STANDING_TIME
 from artemis.states.alignment import OFF_TIME
 from artemis.states.end import EndMode
 from artemis.states.fault import FaultMode
-from artemis.states.mode import LISTEN, ModeLogic, RoutineMode, hands_on
+from artemis.states.hands import hands_on
+from artemis.states.mode import LISTEN, ModeLogic, RoutineMode
 from artemis.states.plan import CalibrateStep, Shared
 from artemis.states.quickstop import QuickstopMode
 from artemis.supervision import catalogue

@@ -8,12 +8,14 @@ import pytest
 from core_builders import judged, snapshot
 
 from artemis.states.homing import STRAIGHT
-from artemis.states.requests import by_hand, ignored
+from artemis.states.requests import accepted, by_hand, ignored
 from artemis.states.steering import KEEP, START, TURN_IT
-from artemis.values import Mode, OperatorInput, Request, SetPoints, Tick, Verdict, Wish
+from artemis.supervision import catalogue
+from artemis.values import Mode, OperatorInput, Request, SetPoints, Severity, Tick, Verdict, Wish
 
 HELD = OperatorInput(source="stick", neutral=False, age=0.0)
 FAULT = "DRV-25"
+NO_REPORTS = "release the controls; no reports from trainee"
 
 
 def at(mode: Mode, phase: str = "", verdict: Verdict | None = None, **sensed: Any) -> Tick:  # noqa: ANN401
@@ -76,6 +78,9 @@ def test_arming_is_not_needed_before_it_is_asked_for(early: str) -> None:
     [
         (Mode.INIT, "waiting for arm", (), None),
         (Mode.INIT, "waiting for arm", (HELD,), "release the controls"),
+        (Mode.INIT, NO_REPORTS, (), NO_REPORTS),
+        (Mode.QUICKSTOP, NO_REPORTS, (), NO_REPORTS),
+        (Mode.READY, NO_REPORTS, (), "the drives are armed"),
         (Mode.FAULT, "", (), "acknowledge the fault first"),
         (Mode.QUICKSTOP, "stopping", (), "the robot is still stopping"),
         (Mode.QUICKSTOP, "switching off", (), "the robot is still stopping"),
@@ -133,3 +138,29 @@ def test_a_stop_is_acknowledged_once_its_cause_is_gone() -> None:
 )
 def test_what_a_person_is_waited_for(mode: Mode, phase: str, found: tuple[bool, bool]) -> None:
     assert by_hand(at(mode, phase)) == found
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "accepted_"),
+    [
+        (judged("LAS-06", device="front"), Verdict(), "the view of scanner front is taken as it is"),
+        (judged("LAS-06", device="front"), judged("LAS-06", device="front"), None),
+        (judged("LAS-06", "STE-05", device="front"), Verdict(), None),
+        (Verdict(), Verdict(), None),
+        (judged(FAULT, device="front"), Verdict(), None),
+    ],
+)
+def test_what_an_acknowledgment_accepts_of_a_scanner(before: Verdict, after: Verdict, accepted_: str | None) -> None:
+    now = at(Mode.QUICKSTOP, verdict=after)
+    assert accepted(Request.ACKNOWLEDGE, now, before) == accepted_
+    assert accepted(Request.ARM, now, before) is None
+
+
+def test_each_scanner_that_is_accepted_is_named() -> None:
+    both, rear = (
+        Verdict(severity=Severity.CONTROLLED_STOP, faults=tuple(catalogue.fault("LAS-06", name) for name in names))
+        for names in (("front", "rear"), ("rear",))
+    )
+    assert accepted(Request.ACKNOWLEDGE, at(Mode.FAULT), both) == "the view of scanner front, rear is taken as it is"
+    told = accepted(Request.ACKNOWLEDGE, at(Mode.FAULT, verdict=rear), both)
+    assert told == "the view of scanner front is taken as it is"

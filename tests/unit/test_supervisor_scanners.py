@@ -239,52 +239,126 @@ def test_out_into_the_open_and_close_to_a_wall_nothing_is_blind(watch: Looked) -
     assert Looked().after("LAS-06", nearing, L) is None
 
 
-def test_a_few_returns_in_the_open_that_are_lost_at_once_are_a_cover() -> None:
-    def covered(number: int, scan: Scan) -> Scan:
-        ranges = np.zeros(541, np.uint16)
-        ranges[100:300:10] = 9000 if number < 40 else 0
-        return replace(scan, ranges=ranges.tobytes())
-
-    watch = Looked()
-    watch.mode = Mode.INIT
-    watch.see(0.1, covered)
-    watch.tick(requests=(Request.ACKNOWLEDGE,))
-    watch.see(0.7, covered)
-    assert "LAS-06" not in watch.ids()
-    assert watch.after("LAS-06", covered, L) is not None
+def acknowledge(watch: Looked, change: Change, **changes: Any) -> bool:  # noqa: ANN401 (of what is sensed)
+    """Whether somebody who acknowledges LAS-06 is rid of it: at once, and for as long as nothing else is seen."""
+    scan = change(1000, watch.scan())
+    assert scan is not None
+    watch.tick(scans=(scan,), requests=(Request.ACKNOWLEDGE,), **changes)
+    at_once = "LAS-06" not in watch.ids()
+    watch.see(2.5, lambda number, scan: change(1000 + number, scan))
+    assert ("LAS-06" not in watch.ids()) == at_once
+    return at_once
 
 
-def test_a_person_who_has_looked_is_believed(watch: Looked) -> None:
-    change = blank(100, 200)
+def stopped(watch: Looked, change: Change) -> Looked:
+    """The robot is stopped for what the scanner does not see."""
     assert watch.after("LAS-06", change, S2) is not None
     watch.mode = Mode.QUICKSTOP
-    watch.see(1.0, change)
+    watch.see(1.0, lambda number, scan: change(1000 + number, scan))
     assert watch.verdict.stops
-    scan = change(0, watch.scan())
+    return watch
+
+
+def few(first: int, last: int, until: int = 10**6) -> Change:
+    """Only some beams return, from far away, in so many scans; then none does."""
+
+    def change(number: int, scan: Scan) -> Scan:
+        ranges = np.zeros(541, np.uint16)
+        ranges[first:last] = (scan.millimetres + np.uint16(6000))[first:last] if number < until else 0
+        return replace(scan, ranges=ranges.tobytes())
+
+    return change
+
+
+def test_a_few_returns_in_the_open_that_are_lost_at_once_are_a_cover_or_open_ground_as_a_person_says() -> None:
+    sees, nothing = few(100, 120), few(0, 0)
+    watch = stopped(Looked(), sees)
+    assert acknowledge(watch, sees)
+    assert watch.verdict.faults == ()
+    assert acknowledge(stopped(watch, nothing), nothing), "in the open nobody knows but who looks"
+
+
+def test_open_ground_at_the_first_scan_is_taken_as_it_is_by_a_person_who_looks() -> None:
+    nothing = few(0, 0)
+    watch = stopped(Looked(), nothing)
+    assert not watch.verdict.final
+    assert acknowledge(watch, nothing)
+    watch.see(1.0)
+    assert watch.after("LAS-06", nothing, L) == pytest.approx(5 * PERIOD), "it has seen since"
+
+
+def test_a_person_who_has_looked_is_believed_where_much_is_still_seen(watch: Looked) -> None:
+    change = blank(100, 200)
+    assert acknowledge(stopped(watch, change), change)
+    assert watch.verdict.faults == ()
+    assert watch.after("LAS-06", blank(100, 230), L) == pytest.approx(5 * PERIOD), "as seen then, and no less"
+
+
+@pytest.mark.parametrize(("last", "accepted"), [(541, False), (541 - 100, False), (541 - 103, True)])
+def test_nobody_can_accept_a_scanner_that_saw_and_now_sees_nearly_nothing(
+    watch: Looked, last: int, accepted: bool
+) -> None:
+    """Of 510 beams that see 102 are a fifth."""
+    assert acknowledge(stopped(watch, blank(0, last)), blank(0, last)) == accepted
+    watch.see(1.0)
+    assert watch.ids() == [], "it sees again"
+
+
+def test_what_was_doubted_before_is_no_cover_for_sure() -> None:
+    """Of 510 beams that see 102 are a fifth."""
+    sparse, enough, nothing = few(541 - 101, 541), few(541 - 102, 541), few(0, 0)
+    watch = stopped(Looked(), sparse)
+    assert acknowledge(watch, sparse)
+    assert acknowledge(stopped(watch, nothing), nothing)
+    watch = Looked()
+    assert set(watch.see(1.0, enough)) == {Severity.NONE}
+    assert not acknowledge(stopped(watch, nothing), nothing)
+
+
+@pytest.mark.parametrize("mode", [mode for mode in Mode if mode not in (Mode.QUICKSTOP, Mode.FAULT)])
+def test_an_acknowledgement_says_nothing_of_a_scanner_where_it_is_ignored(mode: Mode) -> None:
+    watch = stopped(Looked(), few(0, 0))
+    watch.mode = mode
+    assert not acknowledge(watch, few(0, 0))
+    watch.mode = Mode.FAULT
+    assert acknowledge(watch, few(0, 0))
+
+
+def test_an_acknowledgement_is_for_a_scanner_only_where_nothing_else_stops_the_robot() -> None:
+    watch = stopped(Looked(), few(0, 0))
+    drive = catalogue.fault("DRV-25", "steer-left")
+    assert not acknowledge(watch, few(0, 0), faults=(drive,))
+    watch.tick(requests=(Request.ACKNOWLEDGE,))
+    assert watch.ids() == ["LAS-06"], "the one that was acknowledged is gone"
+    watch.see(2.5, few(0, 0))
+    assert acknowledge(watch, few(0, 0))
+
+
+def test_nobody_looks_at_a_window_that_moves() -> None:
+    watch = stopped(Looked(), few(0, 0))
+    watch.speeds = (0.1, 0.1)
+    scan = few(0, 0)(0, watch.scan())
     assert scan is not None
     watch.tick(scans=(scan,), requests=(Request.ACKNOWLEDGE,))
-    watch.see(1.0, change)
-    assert watch.verdict.faults == ()
+    assert "LAS-06" in watch.ids()
 
 
-@pytest.mark.parametrize("mode", [Mode.CALIBRATE, Mode.TELEOP, Mode.FOLLOW, Mode.ACT])
-def test_an_acknowledgement_says_nothing_of_a_scanner_while_the_robot_drives(watch: Looked, mode: Mode) -> None:
-    change = blank(100, 200)
-    watch.mode = mode
-    watch.see(0.2)
-    watch.tick(requests=(Request.ACKNOWLEDGE,))
-    assert watch.after("LAS-06", change, L) is not None
-    watch.tick(requests=(Request.ACKNOWLEDGE,))
-    assert watch.after("LAS-06", change, S2) is not None
+def test_one_of_two_scanners_is_accepted_and_the_covered_one_is_not() -> None:
+    watch = Looked()
+    robot = ROBOT.model_copy(update={"scanners": {"front": PLACE, "rear": PLACE}})
+    watch.supervisor = Supervisor(robot, PERIOD, needs_scanners=True)
 
+    def tick(rear: bool, **changes: Any) -> None:  # noqa: ANN401 (of what is sensed)
+        scan = watch.scan()
+        blind = replace(scan, ranges=bytes(2 * 541))
+        watch.tick(scans=(blind, replace(scan if rear else blind, source="rear")), **changes)
 
-def test_an_acknowledgement_before_a_cover_does_not_count_for_it(watch: Looked) -> None:
-    watch.mode = Mode.READY
-    watch.see(0.2)
-    covered = replace(watch.scan(), ranges=bytes(2 * 541))
-    watch.tick(requests=(Request.ACKNOWLEDGE,))
-    watch.tick(scans=(covered,))
-    assert watch.after("LAS-06", lambda number, scan: replace(scan, ranges=covered.ranges), L) is not None
+    for number in range(150):
+        tick(number < 50)
+    watch.mode = Mode.QUICKSTOP
+    assert {fault.device for fault in watch.verdict.stopping} == {"front", "rear"}
+    tick(rear=False, requests=(Request.ACKNOWLEDGE,))
+    assert [(fault.id, fault.device) for fault in watch.verdict.faults] == [("LAS-06", "rear")]
 
 
 def late(seconds: float) -> Change:

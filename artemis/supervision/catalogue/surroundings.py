@@ -82,7 +82,7 @@ SURROUNDINGS: dict[str, Row] = {
         S2,
         ITSELF,
         "the scanner is covered or blinded",
-        "look at its window",
+        "look at its window; where nothing covers it, as on open ground: acknowledge",
         within=1.04,
         of="more than 80 % of the beams lose their return, or 20 neighbours that had one nearer than 3 m",
         stages=(Threshold(LIMIT, 0.0, 0.1), Threshold(S2, 0.0, 1.0)),
