@@ -61,7 +61,7 @@ def edited_zones(raw: bytes, source: str, edits: ZoneEdits) -> bytes:
     for name in edits.remove_places:
         known = list(zones_in(raw, source).places)
         if name not in known:
-            raise ConfigError(f"{source}: no place {name!r}; {similar(name, known)}")
+            raise ConfigError(f"{source}: no place {name!r}; {similar(name, known) or 'there are none'}")
         raw = without_line(raw, source, "places", name)
     for text in edits.zones:
         raw = with_zone(raw, source, _zone(text))

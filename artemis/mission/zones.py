@@ -36,7 +36,7 @@ def without_zone(raw: bytes, source: str, name: str | int) -> bytes:
     found = [n for n, zone in enumerate(zones) if name == n + 1 or name in (zone.name, str(n + 1))]
     if not found:
         known = [zone.name or str(number) for number, zone in enumerate(zones, 1)]
-        raise ConfigError(f"{source}: no zone {name!r}; {similar(str(name), known)}")
+        raise ConfigError(f"{source}: no zone {name!r}; {similar(str(name), known) or 'there are none'}")
     return without_line(raw, source, "zones", found[0])
 
 

@@ -186,7 +186,9 @@ class _ServerThread(LoopThread):
         try:
             self._socket = bound(config.listen, config.port, listening=True, shared=config.started_by_page)
         except OSError as error:
-            raise ConfigError(f"{name}: {config.listen}, port {config.port}: {error.strerror}") from None
+            raise ConfigError(
+                f"{name}: {config.listen}, port {config.port}: {error.strerror}; take another one: --page-port N"
+            ) from None
         self._config, self._view, self._files, self._key, self._runs = config, view, files, key, runs
         self._zones = zones
         self._hub: Any = None
