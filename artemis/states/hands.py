@@ -25,7 +25,7 @@ def hands_on(inputs: Iterable[OperatorInput], lost: Collection[str] = ()) -> str
     return "; ".join([RELEASE, *told])
 
 
-class Hands:
+class OperatorHands:
     """The controls of the inputs by which a mission is driven.
 
     Attributes:

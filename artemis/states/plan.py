@@ -19,7 +19,7 @@ from artemis.scan import ObstacleRules
 from artemis.states.advance import MissionFacts, Passive, advance, told_after
 from artemis.states.answers import answers_to
 from artemis.states.condition import asks_battery
-from artemis.states.hands import Hands
+from artemis.states.hands import OperatorHands
 from artemis.states.route_progress import RouteProgress
 from artemis.states.tree import Tree, fault_names, list_of
 from artemis.supervision.catalogue import ROWS
@@ -274,7 +274,7 @@ class Shared:
         self.plan, self.position = plan, plan.begin
         self.spare = plan.spare
         by_hand = [step.inputs for step in plan.steps if isinstance(step, TeleopStep)]
-        self.hands = Hands(chain.from_iterable(by_hand), plan.spare)
+        self.hands = OperatorHands(chain.from_iterable(by_hand), plan.spare)
         self.needed: tuple[str, ...] = ()
         """Inputs that have to be heard now, in mode teleop: the one that has the robot, and those before it."""
         self.bring_up = BringUp(armed=plan.armed, held=not plan.armed, placed=plan.start is not None)

@@ -8,7 +8,7 @@ from live_core import Live
 from msgspec.structs import replace
 
 from artemis.plugins.stated import STALE
-from artemis.states.hands import WAITED, Hands, hands_on
+from artemis.states.hands import WAITED, OperatorHands, hands_on
 from artemis.states.plan import TeleopStep
 from artemis.states.ready import ReadyMode
 from artemis.supervision import catalogue
@@ -48,7 +48,7 @@ def test_what_a_person_has_to_do(inputs: tuple[OperatorInput, ...], lost: tuple[
 
 
 def test_spare_input_is_waited_for_as_long_as_it_may_come_back_and_any_other_for_ever() -> None:
-    hands = Hands(("pilot", "trainee"), {"trainee"})
+    hands = OperatorHands(("pilot", "trainee"), {"trainee"})
     for time, given, words in (
         (0.0, BOTH, None),
         (1.0, ALONE, NO_REPORTS),
@@ -65,7 +65,10 @@ def test_spare_input_is_waited_for_as_long_as_it_may_come_back_and_any_other_for
 
 
 def test_inputs_of_other_steps_are_waited_for_where_all_have_to_rest() -> None:
-    hands, seen = Hands(("pilot", "trainee"), {"trainee"}), snapshot(inputs=(PILOT, replace(HELD, source="other")))
+    hands, seen = (
+        OperatorHands(("pilot", "trainee"), {"trainee"}),
+        snapshot(inputs=(PILOT, replace(HELD, source="other"))),
+    )
     hands.see(seen)
     assert hands.held(seen, ("pilot",)) is None
     assert hands.held(seen, ("pilot", "trainee")) == NO_REPORTS
