@@ -172,6 +172,8 @@ class _Run:
 
     async def _main(self) -> None:
         equipment = self.equip()
+        if not self.simulated:
+            note_folder(self.record.folder.path.parent)
         try:
             await self._drive(equipment)
         finally:
@@ -334,8 +336,6 @@ def run_mission(
     alone = not (virtual or attendance.expected)
     use = localizer_of(loaded, simulated)
     record = RunRecord(loaded, provenance, disk, observers or {}, threaded=not virtual, alone=alone, localizer=use)
-    if not simulated:
-        note_folder(record.folder.path.parent)
 
     def equip() -> Equipment:
         instead = parts.machine, parts.sensors

@@ -161,6 +161,8 @@ class HardStop(Config):
     """Whenever the drives are brought up the motor turns to one end of its travel, until it is held."""
     stop_deg: Annotated[float, Quantity(5.0, 179.0, "degrees", signed=True)]
     """Where it is held, by what the motor turns, left positive: the sign says which of both ends it looks for."""
+    travel_deg: Annotated[float, Quantity(10.0, 358.0, "degrees")] | None = None
+    """How far the motor turns from there to its other end; measured at each start, too, if it is stated."""
     scale: Annotated[float, Quantity(0.5, 2.0, "")] = 1.0
     """As in `Potentiometers`."""
 

@@ -382,6 +382,8 @@ def _sources(robot: RobotFile, side: str, source: Source) -> Problems:
     reach = f"the {limit:.3g} degrees to which limits.steering_deg lets the motor turn"
     if isinstance(source, HardStop) and abs(source.stop_deg) <= limit:
         yield (*key, "stop_deg"), f"expected beyond {reach}, found {source.stop_deg:g}"
+    elif isinstance(source, HardStop) and (source.travel_deg or 360.0) - abs(source.stop_deg) <= limit:
+        yield (*key, "travel_deg"), f"expected that it ends beyond {reach}, too, found {source.travel_deg:g}"
     if isinstance(source, HomeSwitch) and abs(source.switch_deg) > limit - SWITCH_MARGIN_DEG:
         margin = f"{SWITCH_MARGIN_DEG:g} degree or more"
         yield (*key, "switch_deg"), f"expected {margin} within {reach}, found {source.switch_deg:g}"

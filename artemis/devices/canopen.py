@@ -61,6 +61,15 @@ def nmt_from_heartbeat(data: bytes) -> Nmt:
     return state
 
 
+ONE_BOOT = 0.15
+"""No drive boots again so soon [s]; some nodes repeat the boot-up as their heartbeat while they initialise."""
+
+
+def is_boot_up(before: Nmt | None, now: Nmt | None, elapsed: float) -> bool:
+    """Whether a heartbeat of state `now` is the boot-up (CiA 301, 7.2.8.3.3), `elapsed` [s] after one of `before`."""
+    return now is Nmt.INITIALISING and not (before is now and elapsed < ONE_BOOT)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Emergency:
     """An emergency object: error code (0 = all errors gone), error register 0x1001, five bytes of the maker's own."""

@@ -7,7 +7,7 @@ from operator import attrgetter
 
 from artemis.devices.bus_gateway import BusGateway
 from artemis.devices.can_bus import Frame
-from artemis.devices.canopen import RXPDO, emergency_from_data, nmt_from_heartbeat
+from artemis.devices.canopen import RXPDO, emergency_from_data, is_boot_up, nmt_from_heartbeat
 from artemis.devices.epos_objects import JITTER, PERIOD, UNREADABLE, PdoPlaces, Units, wrapped
 from artemis.devices.epos_state import Controlword
 from artemis.devices.tally import NOTHING, Tally
@@ -88,10 +88,10 @@ class EposDrive:
 
     def on_heartbeat(self, frame: Frame) -> None:
         """Heartbeat or boot-up."""
-        self._nmt = nmt_from_heartbeat(frame.data)
-        if self._nmt is Nmt.INITIALISING:
-            self.boots += 1
-            self.tally.boots += 1
+        before, self._nmt = self._nmt, nmt_from_heartbeat(frame.data)
+        booted = is_boot_up(before, self._nmt, inf if self._heard is None else frame.time - self._heard)
+        self.boots += booted
+        self.tally.boots += booted
         self._heard = frame.time
 
     def feedback(self, now: float) -> DriveFeedback:

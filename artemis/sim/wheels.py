@@ -79,10 +79,8 @@ class SteeredWheel:
         self.encoder = source if isinstance(source, AbsoluteEncoder) else None
         """Absolute encoder at the wheel; None: there is none, or nobody reads it any more."""
         self._switch = source if isinstance(source, HomeSwitch) else None
-        end = math.radians(abs(source.stop_deg)) if isinstance(source, HardStop) else math.inf
-        zero = math.radians(zero_deg)
-        self._stops = (zero - end, zero + end) if end < math.inf else None
-        """Where it is held to both sides [rad]."""
+        self.stops = _stops(source, math.radians(zero_deg)) if isinstance(source, HardStop) else None
+        """Where it is held to both sides [rad], right and left; None: nowhere."""
         self._held = False
 
     def turn(self) -> float:
@@ -91,22 +89,22 @@ class SteeredWheel:
         if self._half_play:
             angle = min(max(self.angle, angle - self._half_play), angle + self._half_play)
         self.angle = angle
-        if self._stops is not None:
-            self._meet(angle, *self._stops)
+        if self.stops is not None:
+            self._meet(angle, *self.stops)
         return angle
 
     def _meet(self, angle: float, low: float, high: float) -> None:
         """Nothing turns beyond a stop, and the motor is held there as long as it is regulated to go on."""
-        axis, end = self._axis, high if angle >= high else low
+        axis, end, outwards = self._axis, *((high, self._coupled) if angle >= high else (low, -self._coupled))
         at_end = angle >= high or angle <= low
-        held = at_end and axis.lag * self._coupled * end > 0.0
+        held = at_end and axis.lag * outwards > 0.0
         if held is not self._held:
             self._held = held
             axis.fail(blocked=held)
         if at_end:
             self.angle = end
             axis.position = (end - self._start) / self._coupled
-            if axis.velocity * self._coupled * end > 0.0:
+            if axis.velocity * outwards > 0.0:
                 axis.velocity = 0.0
 
     def feel(self, dice: random.Random, noise: float, now: float, counts: float = 0.0) -> None:
@@ -145,6 +143,14 @@ class SteeredWheel:
         self._radians_per_count = self._coupled if coupled else 0.0
         self._start = angle - self._axis.position * self._radians_per_count
         self.turn()
+
+
+def _stops(source: HardStop, zero: float) -> tuple[float, float]:
+    """Where the motor is held to both sides [rad]: as far to the other, if the robot file does not say how far."""
+    known = math.radians(source.stop_deg)
+    travel = 2.0 * abs(known) if source.travel_deg is None else math.radians(source.travel_deg)
+    right = known if known < 0.0 else known - travel
+    return zero + right, zero + right + travel
 
 
 def _counted(encoder: AbsoluteEncoder, shown: float, dice: random.Random, noise: float) -> int:

@@ -36,11 +36,23 @@ from one of its messages to the next, so many in a row: one may be older than th
 large step."""
 ROUNDS = 2
 """The gate lets it turn from lock to lock, and the stops are farther apart: by less than as far again."""
+AWAY = radians(5.0)
+"""So far the motor turns back from where it was held [rad], before it meets that place once more."""
+AGAIN = radians(0.5)
+"""A stop holds it twice within this [rad]. What held it for a moment is gone, or elsewhere."""
+MEETINGS = 4
+"""After being held so often, never twice at one place, it gives up."""
+TRAVEL = radians(2.0)
+"""The way between both stops may differ by this much from the robot file's [rad]: `scale` may not be calibrated yet."""
 BEYOND = radians(20.0)
 """No wheel stands farther beyond the largest angle of the gate [rad]."""
 
 Turned = Generator[Wish, Snapshot, tuple[bool, Snapshot]]
 """Of a routine that turns the motor: whether it ended as it was to."""
+Stopped = Generator[Wish, Snapshot, tuple[float, Snapshot]]
+"""Of a routine that turns the motor until a stop holds it: where [rad]."""
+Met = Generator[Wish, Snapshot, tuple[float | None, Snapshot]]
+"""Of a routine that turns the motor: where it was held [rad]; None: nowhere."""
 
 
 def find_angles(shared: Shared, snapshot: Snapshot) -> Routine:
@@ -103,19 +115,77 @@ def _shown(shared: Shared, snapshot: Snapshot) -> list[float]:
 
 
 def _from_stop(shared: Shared, source: HardStop, snapshot: Snapshot) -> Routine:
-    """Turn slowly towards the stop until the motor is held there: that is its angle."""
+    """Turn slowly towards the stop until it holds the motor: that is its angle, if the other side fits to it."""
     (name,) = shared.plan.drives("steering")
-    towards = copysign(1.0, source.stop_deg)
-    is_held = _Held(name, towards)
+    towards, stop = copysign(1.0, source.stop_deg), radians(source.stop_deg)
+    _, snapshot = yield from _to_stop(shared, name, towards, "looking for the hard stop", snapshot)
+    snapshot = yield from _take_held(shared, name, stop, snapshot)
+    phase = "trying the other side"
+    near, far = _locks(shared, -towards)
+    place, snapshot = yield from _meet(shared, name, near, far, phase, snapshot)
+    if place is not None:
+        seen = f"held at {degrees(place):.1f} of {degrees(far):.1f} degrees to the other side: what held it is no stop"
+        raise Failed(STEERING_ON, catalogue.fault("CAL-03", name, seen))
+    snapshot = yield from steer(shared.plan, _virtual(shared, far), snapshot, {}, phase)
+    if source.travel_deg is None:
+        return snapshot
+    place, snapshot = yield from _to_stop(shared, name, -towards, phase, snapshot)
+    travel = abs(stop - place)
+    if abs(travel - radians(source.travel_deg)) > TRAVEL:
+        seen = f"{degrees(travel):.1f} degrees between its hard stops: the robot file says {source.travel_deg:g}"
+        raise Failed(STEERING_ON, catalogue.fault("CAL-03", name, seen))
+    return (yield from _take_held(shared, name, place, snapshot))
+
+
+def _to_stop(shared: Shared, name: str, towards: float, phase: str, snapshot: Snapshot) -> Stopped:
+    """Turn slowly `towards` a side (1: left) until a stop holds the motor: where, as it counted before.
+
+    The gate lets it turn from lock to lock: for each such turn it counts anew, from as near to the far lock as leaves
+    room to turn back.
+    """
+    near, far = _locks(shared, towards)
+    begin, before = near + towards * min(AWAY, abs(far - near) / 4.0), 0.0
     for _ in range(ROUNDS):
-        found, snapshot = yield from _search(shared, towards, is_held, "looking for the hard stop", snapshot)
-        if found:
-            held = feedback(snapshot, name).position
-            wish = replace(OFF, command=DriveCommand(steering=snapshot.set_points.steering))
-            snapshot = yield from switch_off(shared, wish, snapshot)
-            sprung = feedback(snapshot, name).position - held
-            return (yield from _take(shared, [radians(source.stop_deg) + sprung], snapshot))
-    raise Failed(STEERING_ON, _not_found(shared, name, "no hard stop"))
+        snapshot = yield from _release(shared, snapshot)
+        before += feedback(snapshot, name).position - begin
+        snapshot = yield from _take(shared, [begin], snapshot)
+        place, snapshot = yield from _meet(shared, name, begin, far, phase, snapshot)
+        if place is not None:
+            return before + place, snapshot
+    raise Failed(STEERING_ON, _not_found(name, "no hard stop", far - begin))
+
+
+def _meet(shared: Shared, name: str, begin: float, end: float, phase: str, snapshot: Snapshot) -> Met:
+    """Turn the motor slowly from `begin` to `end` [rad]. Where it is held it turns back, and meets that place again.
+
+    Only what holds it twice at one place counts. What lets it go in the meantime, as a lost set-point or a wheel that
+    is blocked both ways, does not: it turns back before.
+    """
+    towards, last = copysign(1.0, end - begin), None
+    near, _ = _locks(shared, towards)
+    for _ in range(MEETINGS):
+        is_held, snapshot = yield from _turn(shared, begin, end, SLOW, _Held(name, towards), phase, snapshot)
+        if not is_held:
+            return None, snapshot
+        place = feedback(snapshot, name).position
+        if last is not None and abs(place - last) <= AGAIN:
+            return place, snapshot
+        last, begin = place, towards * max(towards * place - AWAY, towards * near)
+        snapshot = yield from steer(shared.plan, _virtual(shared, begin), snapshot, {}, phase)
+    raise Failed(STEERING_ON, catalogue.fault("CAL-03", name, f"held {MEETINGS} times, never twice at one place"))
+
+
+def _take_held(shared: Shared, name: str, angle: float, snapshot: Snapshot) -> Routine:
+    """Have the motor count from `angle` [rad] where it is held: switched off, it may spring back."""
+    held = feedback(snapshot, name).position
+    snapshot = yield from _release(shared, snapshot)
+    return (yield from _take(shared, [angle + feedback(snapshot, name).position - held], snapshot))
+
+
+def _release(shared: Shared, snapshot: Snapshot) -> Routine:
+    """Switch off; the set-point stays where it is."""
+    wish = replace(OFF, command=DriveCommand(steering=snapshot.set_points.steering))
+    return (yield from switch_off(shared, wish, snapshot))
 
 
 def _from_switch(shared: Shared, source: HomeSwitch, snapshot: Snapshot) -> Routine:
@@ -135,15 +205,14 @@ def _from_switch(shared: Shared, source: HomeSwitch, snapshot: Snapshot) -> Rout
         if not found:
             found, snapshot = yield from _search(shared, towards, is_over, phase, snapshot)
     if not found:
-        raise Failed(STEERING_ON, _not_found(shared, name, "no change of the home switch"))
+        right, left = _locks(shared, 1.0)
+        raise Failed(STEERING_ON, _not_found(name, "no change of the home switch", left - right))
     if _is_on(feedback(snapshot, name)) is was_on:
         raise Failed(STEERING_ON, catalogue.fault("CAL-03", name, "held before its home switch changes"))
-    wish = replace(OFF, command=DriveCommand(steering=snapshot.set_points.steering))
-    snapshot = yield from switch_off(shared, wish, snapshot)
+    snapshot = yield from _release(shared, snapshot)
     snapshot = yield from _take(shared, [place], snapshot)
     begin, end = place - on_side * BACK, place + on_side * BACK
-    virtual = Ackermann(shared.plan.robot.geometry).steering_from_left(begin)
-    snapshot = yield from steer(shared.plan, virtual, snapshot, {}, phase)
+    snapshot = yield from steer(shared.plan, _virtual(shared, begin), snapshot, {}, phase)
     before = feedback(snapshot, name)
     if _is_on(before):
         raise Failed(STEERING_ON, catalogue.fault("CAL-03", name, "its home switch is on to both sides of its place"))
@@ -159,8 +228,7 @@ def _from_switch(shared: Shared, source: HomeSwitch, snapshot: Snapshot) -> Rout
             STEERING_ON, catalogue.fault("CAL-03", name, "its home switch closes at another place than before")
         )
     edge = (positions[-2] + positions[-1]) / 2.0
-    wish = replace(OFF, command=DriveCommand(steering=snapshot.set_points.steering))
-    snapshot = yield from switch_off(shared, wish, snapshot)
+    snapshot = yield from _release(shared, snapshot)
     return (yield from _take(shared, [place + feedback(snapshot, name).position - edge], snapshot))
 
 
@@ -169,8 +237,7 @@ def _search(shared: Shared, towards: float, ends: Callable[[Snapshot], bool], ph
 
     What the motor counts is not where it stands, so it begins at the far lock.
     """
-    car, limit = Ackermann(shared.plan.robot.geometry), radians(shared.plan.robot.limits.steering_deg)
-    (begin, _), (end, _) = car.wheel_angles(-towards * limit), car.wheel_angles(towards * limit)
+    begin, end = _locks(shared, towards)
     snapshot = yield from switch_off(shared, OFF, snapshot)
     snapshot = yield from _take(shared, [begin], snapshot)
     return (yield from _turn(shared, begin, end, SLOW, ends, phase, snapshot))
@@ -195,10 +262,21 @@ def _turn(
     return False, snapshot
 
 
-def _not_found(shared: Shared, name: str, what: str) -> Fault:
+def _locks(shared: Shared, towards: float) -> tuple[float, float]:
+    """Between which angles [rad] the gate lets the motor turn: the far one, and that `towards` a side (1: left)."""
+    car, limit = Ackermann(shared.plan.robot.geometry), radians(shared.plan.robot.limits.steering_deg)
+    return car.wheel_angles(-towards * limit)[0], car.wheel_angles(towards * limit)[0]
+
+
+def _virtual(shared: Shared, angle: float) -> float:
+    """Angle of the virtual wheel for that of the motor [rad], as far as the gate lets it turn."""
     limit = radians(shared.plan.robot.limits.steering_deg)
-    (right, _), (left, _) = (Ackermann(shared.plan.robot.geometry).wheel_angles(end) for end in (-limit, limit))
-    return catalogue.fault("CAL-03", name, f"{what} within {ROUNDS * degrees(left - right):.0f} degrees")
+    return min(max(Ackermann(shared.plan.robot.geometry).steering_from_left(angle), -limit), limit)
+
+
+def _not_found(name: str, what: str, way: float) -> Fault:
+    """Of a motor that turned `ROUNDS` times by `way` [rad]."""
+    return catalogue.fault("CAL-03", name, f"{what} within {ROUNDS * degrees(abs(way)):.0f} degrees")
 
 
 class _Held:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from artemis.axles import OWN_SIDES
+from artemis.axles import OWN_SIDES, HardStop
 from artemis.motion.path import check_drivable, path_from_csv
 from artemis.states.outline import steps_in
 from artemis.supervision.catalogue import ROWS
@@ -34,8 +34,8 @@ OF_SCANNERS = [id for id in INJECTIONS if id.startswith("LAS")]
 SEEING = 0.1
 """Share of the seeds that have one, if the campaign does."""
 MISSION = "mission.yaml"
-BRING_UP, RESET, EDGES = 5.0, 3.0, 4.5
-"""About how long it takes to the first step [s]; longer where communication is reset, and where wheels seek edges."""
+BRING_UP, RESET, EDGES, STOPS = 5.0, 3.0, 4.5, 15.0
+"""Time to the first step [s]; longer with a reset of communication, and where wheels seek edges, or their stops."""
 ENDING = ("INP", "RUN-12", "PTH-08")
 """Faults that have to end for the run to end: controls that never rest, a follower or behaviour that never arrives."""
 SLOWEST = 0.05
@@ -212,7 +212,8 @@ def _of_scanner(dice: random.Random, at: float) -> dict[str, Any]:
 
 def _first_step(robot: RobotFile) -> float:
     """`BRING_UP` of this robot [s]."""
-    return BRING_UP + RESET * any(drive.tables.forgets for drive in robot.drives.values()) + _edges(robot)
+    resets, stops = any(drive.tables.forgets for drive in robot.drives.values()), robot.angle_source("left")
+    return BRING_UP + RESET * resets + _edges(robot) + STOPS * isinstance(stops, HardStop)
 
 
 def _edges(robot: RobotFile) -> float:
@@ -349,8 +350,7 @@ def _nodes(robot: RobotFile, id: str) -> list[str]:
 def _fitting(robot: RobotFile, words: Set[str]) -> list[str]:
     """Injections that can happen to this robot, in a mission with these steps and words."""
     general = [id for id in INJECTIONS if id not in NOT_DRAWN and id not in OF_SCANNERS and _nodes(robot, id)]
-    general = [id for id in general if shows_on(id, robot)]
-    drawn = [id for id in general if not id.startswith("INP") or "teleop" in words]
+    drawn = [id for id in general if shows_on(id, robot) and (not id.startswith("INP") or "teleop" in words)]
     return [id for id in drawn if not id.startswith(_PLUGIN) or words & {"follow", "approach"}]
 
 

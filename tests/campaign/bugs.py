@@ -21,6 +21,7 @@ from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import heartbeat_frame
 from artemis.devices.epos_state import Controlword
 from artemis.drive_states import Goal, Nmt
+from artemis.states import homing
 from artemis.states.alignment import enable
 from artemis.states.init import RESETTING, WAKING
 from artemis.states.mode import ON
@@ -260,6 +261,18 @@ def _misnamed(found: Fault, device: str, code: int, _: object) -> Fault:
 
 def _not_aligned(shared: Any, snapshot: Any) -> Any:
     return (yield from enable(shared, ON, snapshot))
+
+
+def _first_hold_counts(shared: Any, source: Any, snapshot: Any) -> Any:
+    """Whatever holds the motor is its stop."""
+    (name,) = shared.plan.drives("steering")
+    towards = math.copysign(1.0, source.stop_deg)
+    _, snapshot = yield from homing._search(shared, towards, homing._Held(name, towards), "looking", snapshot)
+    return (yield from homing._take_held(shared, name, math.radians(source.stop_deg), snapshot))
+
+
+HELD_ONCE = Bug("any hold is a stop", "", "I5", {"artemis.states.homing._from_stop": becomes(_first_hold_counts)})
+"""Of a robot that looks for its stop: of none of the scenarios."""
 
 
 def _no_way_to_fault(original: Any) -> Any:

@@ -15,7 +15,7 @@ from artemis_lab.campaign.scenario import Scenario
 
 ROBOTS = Path(__file__).parents[2] / "missions" / "robots"
 ROBOT, SEEING, OF_EPOS4, OF_CIA402 = (ROBOTS / f"artemis{which}.yaml" for which in ("", "_lms100", "_epos4", "_cia402"))
-REAR_DRIVEN = ROBOTS / "rear_driven.yaml"
+REAR_DRIVEN, SMALL_CAR = ROBOTS / "rear_driven.yaml", ROBOTS / "small_car.yaml"
 LONGEST = 60.0
 """A run that takes longer does not end [s]: a planted bug need not be watched for as long as a campaign's seed."""
 Faults = Sequence[dict[str, Any]]

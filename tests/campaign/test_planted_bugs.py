@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 from _pytest.mark import ParameterSet
-from bugs import BUGS, Bug, planted
-from staged import LEFT, OF_CIA402, OF_EPOS4, REAR_DRIVEN, RIGHT, SCENARIOS, STEER, drive, fault, follow, run
+from bugs import BUGS, HELD_ONCE, Bug, planted
+from staged import LEFT, OF_CIA402, OF_EPOS4, REAR_DRIVEN, RIGHT, SCENARIOS, SMALL_CAR, STEER, drive, fault, follow, run
 
 pytestmark = pytest.mark.slow
 
@@ -40,6 +40,14 @@ def test_monitor_sees_how_drives_of_other_families_are_enabled(robot: Path) -> N
     with planted(bug):
         result = run(SCENARIOS[bug.scenario], robot)
     assert bug.broken in {violation.invariant for violation in result.violations}, result
+
+
+def test_monitor_judges_wheels_that_were_held_for_a_moment() -> None:
+    given = drive(fault("STE-02", 2.0, "steering", duration_s=0.25))
+    assert run(given, SMALL_CAR).violations == ()
+    with planted(HELD_ONCE):
+        result = run(given, SMALL_CAR)
+    assert HELD_ONCE.broken in {violation.invariant for violation in result.violations}, result
 
 
 def planted_bugs() -> Iterator[ParameterSet]:

@@ -92,8 +92,9 @@ def straight(tmp_path: Path, source: str, true: str = "", operator: str = "") ->
     (tmp_path / "paths").mkdir()
     (tmp_path / "paths/line.csv").write_text("x_m,y_m\n0,0\n0.4,0\n0.8,0\n")
     text = (MISSIONS / "robots/small_car.yaml").read_text()
-    assert "middle: {angle: hard_stop, stop_deg: 47.0}" in text
-    text = text.replace("middle: {angle: hard_stop, stop_deg: 47.0}", f"middle: {source}")
+    known = "middle: {angle: hard_stop, stop_deg: 47.0, travel_deg: 94.0}"
+    assert known in text
+    text = text.replace(known, f"middle: {source}")
     (tmp_path / "robots/robot.yaml").write_text(text)
     mission = tmp_path / "mission.yaml"
     mission.write_text(STRAIGHT.format(true=true, operator=operator))

@@ -201,6 +201,14 @@ REFUSED = {
     ("small_car", "linkage: ackermann", "linkage: akermann"): [
         "geometry.linkage: expected 'ackermann', found 'akermann'; did you mean ackermann?"
     ],
+    ("small_car", "stop_deg: 47.0", "stop_deg: 39.5"): [
+        "calibration.steering.middle.stop_deg: expected beyond the 40 degrees to which limits.steering_deg lets the "
+        "motor turn, found 39.5",
+    ],
+    ("small_car", "travel_deg: 94.0", "travel_deg: 87.0"): [
+        "calibration.steering.middle.travel_deg: expected that it ends beyond the 40 degrees to which "
+        "limits.steering_deg lets the motor turn, too, found 87",
+    ],
     ("rear_driven", "motor_deg: 10, left_deg: 10.3", "motor_deg: 10, left_deg: -10.3"): [
         "geometry.linkage[6].left_deg: expected more than 0, the one before: each angle rises from row to row, "
         "found -10.3",

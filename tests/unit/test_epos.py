@@ -176,8 +176,8 @@ def test_emergencies_and_boot_ups_are_given_out_once() -> None:
     drive = epos("steer-left")
     drive.on_emergency(Frame(0x083, bytes.fromhex("10 23 02 00 00 00 00 00")))
     drive.on_emergency(Frame(0x083, bytes.fromhex("00 00 00 00 00 00 00 00")))
-    drive.on_heartbeat(Frame(0x703, b"\x00"))
-    drive.on_heartbeat(Frame(0x703, b"\x00"))
+    for time in (0.0, 0.05, 0.1, 0.5):  # some repeat it while they initialise
+        drive.on_heartbeat(Frame(0x703, b"\x00", time=time))
     first, second = drive.feedback(0.0), drive.feedback(0.0)
     assert (first.emergencies, first.boots) == ((0x2310, 0x0000), 2)
     assert (second.emergencies, second.boots) == ((), 0)

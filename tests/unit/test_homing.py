@@ -18,7 +18,7 @@ from artemis.families.family import HOME_INPUT
 from artemis.mission.loading import load_model
 from artemis.motion.limits import Gate
 from artemis.motion.potentiometers import encoder_angle
-from artemis.states.homing import SLOW, STRAIGHT, _Held, find_angles
+from artemis.states.homing import AGAIN, AWAY, MEETINGS, SLOW, STRAIGHT, TRAVEL, _Held, find_angles
 from artemis.states.mode import Failed
 from artemis.states.plan import Plan, Shared
 from artemis.values import DriveFeedback, Job, JobKind, JobResult, Request, SetPoints, Snapshot, Wish
@@ -71,6 +71,8 @@ class Machine:
     """So far a motor turns by itself when it is switched off [degrees]."""
     accepts: tuple[float, float] = (0.0, inf)
     """When `requests` are made [s]."""
+    meets: Callable[[Machine], None] = lambda car: None
+    """Called before the motors turn: may move the stops."""
     wishes: list[tuple[Wish, SetPoints]] = field(default_factory=list)
     """Each with the set-points that its routine saw."""
 
@@ -108,6 +110,7 @@ class Machine:
 
     def turn(self, points: SetPoints, states: dict[str, DriveState]) -> None:
         """Motors that are on turn as they are told, up to the stops."""
+        self.meets(self)
         for name, angle in self.angles.items():
             if states[name] is DriveState.OPERATION_ENABLE:
                 told = points.steering_right if name == RIGHT else points.steering_left
@@ -279,12 +282,88 @@ def test_no_hard_stop_is_told() -> None:
     car = Machine(robot=described("small_car"), angles={"steering": 7.0})
     id, device, text = car.refused()
     assert (id, device) == ("CAL-03", "steering")
-    assert "no hard stop within 160 degrees" in text
+    assert "no hard stop within 150 degrees" in text
     looked = [degrees(wish.command.steering) for wish, _ in car.wishes if wish.phase == "looking for the hard stop"]
-    assert len(looked) == pytest.approx(2 * 80.0 / degrees(SLOW) / PERIOD, abs=2), "twice from lock to lock"
-    assert (min(looked), max(looked)) == pytest.approx((-40.0, 40.0), abs=0.3)
+    assert len(looked) == pytest.approx(2 * 75.0 / degrees(SLOW) / PERIOD, abs=2), "twice, nearly from lock to lock"
+    assert (min(looked), max(looked)) == pytest.approx((-35.0, 40.0), abs=0.3)
     phases = [phase for phase, _ in groupby(wish.phase for wish, _ in car.wishes)]
     assert phases == ["switching off", "reference", "clear target", "enabling", "looking for the hard stop"] * 2
+
+
+def kerb(*ends: tuple[float, float]) -> Callable[[Machine], None]:
+    """Each pair holds the motor at an angle [degrees] when it comes there from the right, for so long in all [s]."""
+    left = {at: round(seconds / PERIOD) for at, seconds in ends}
+
+    def meets(car: Machine) -> None:
+        angle = car.angles["steering"]
+        at = next((at for at in left if left[at] and angle >= at - 0.5), 47.0)
+        if at in left and angle >= at:
+            left[at] -= 1
+        car.stops = (-47.0, at)
+
+    return meets
+
+
+@pytest.mark.parametrize("travel", [None, 94.0])
+@pytest.mark.parametrize("held", [[(-20.0, 0.2)], [(10.0, 0.2), (30.0, 0.2)], [(46.8, 0.2)]])
+def test_what_holds_a_motor_for_a_moment_is_not_its_stop(travel: float | None, held: list[tuple[float, float]]) -> None:
+    car = Machine(robot=described("small_car", travel_deg=travel), angles={"steering": -30.0}, meets=kerb(*held))
+    car.find()
+    assert car.errors == pytest.approx([0.0], abs=degrees(SLOW) * PERIOD)
+
+
+def test_a_motor_that_is_held_everywhere_is_told() -> None:
+    places = [(-20.0 + 7.0 * number, 0.2) for number in range(MEETINGS)]
+    car = Machine(robot=described("small_car"), angles={"steering": -30.0}, meets=kerb(*places))
+    id, device, text = car.refused()
+    assert (id, device) == ("CAL-03", "steering")
+    assert f"held {MEETINGS} times, never twice at one place" in text
+
+
+@pytest.mark.parametrize("travel", [None, 94.0])
+@pytest.mark.parametrize("towards", [1.0, -1.0])
+@pytest.mark.parametrize("held_at", [-30.0, 0.0, 39.0])
+def test_a_kerb_before_the_stop_is_found_on_the_way_to_the_other_side(
+    held_at: float, towards: float, travel: float | None
+) -> None:
+    robot = described("small_car", stop_deg=47.0 * towards, travel_deg=travel)
+    low, high = sorted((-47.0 * towards, held_at * towards))
+    car = Machine(robot=robot, angles={"steering": -40.0 * towards}, stops=(low, high))
+    id, device, text = car.refused()
+    assert (id, device) == ("CAL-03", "steering")
+    assert f"held at {0.0 - towards * held_at:.1f} of {-40.0 * towards:.1f} degrees to the other side" in text
+
+
+@pytest.mark.parametrize(
+    ("other", "is_refused"), [(-45.2, False), (-44.8, True), (-48.8, False), (-49.2, True), (-60.0, True)]
+)
+def test_the_way_between_both_stops_is_that_of_the_robot_file(other: float, is_refused: bool) -> None:
+    car = Machine(robot=described("small_car"), angles={"steering": 7.0}, stops=(other, 47.0))
+    if not is_refused:
+        car.find()
+        assert car.errors == pytest.approx([0.0], abs=degrees(SLOW) * PERIOD)
+        assert 47.0 - other == pytest.approx(94.0, abs=degrees(TRAVEL))
+        return
+    id, device, text = car.refused()
+    assert (id, device) == ("CAL-03", "steering")
+    assert f"{47.0 - other:.1f} degrees between its hard stops: the robot file says 94" in text
+
+
+def test_without_another_stop_nothing_is_measured() -> None:
+    car = Machine(robot=described("small_car"), angles={"steering": 30.0}, stops=(-180.0, 47.0), period=0.05)
+    car.stops = (-inf, 47.0)
+    assert "no hard stop within 150 degrees" in car.refused()[2]
+
+
+def test_a_stop_is_met_twice_and_the_motor_turns_back_in_between() -> None:
+    car = Machine(robot=described("small_car", travel_deg=None), angles={"steering": 7.0}, stops=(-47.0, 47.0))
+    seen: list[float] = []
+    car.meets = lambda car: seen.append(car.angles["steering"])
+    car.find()
+    first, last = seen.index(47.0), len(seen) - seen[::-1].index(47.0)
+    assert min(seen[first:last]) == pytest.approx(47.0 - degrees(AWAY), abs=0.5)
+    assert min(seen[last:]) == pytest.approx(-40.0, abs=0.5), "then to the other lock"
+    assert degrees(AGAIN) < degrees(AWAY)
 
 
 def test_a_motor_is_held_after_three_messages() -> None:
@@ -390,8 +469,8 @@ def test_a_stop_is_looked_for_from_the_far_lock_and_taken_as_it_is_when_the_moto
     car.springs = 0.3
     car.find()
     towards = 1.0 if stop > 0.0 else -1.0
-    assert car.references[0] == pytest.approx(-towards * car.robot.limits.steering_deg)
-    assert car.references[-1] == pytest.approx(stop + car.springs, abs=degrees(SLOW) * PERIOD)
+    assert car.references[0] == pytest.approx(-towards * (car.robot.limits.steering_deg - degrees(AWAY)))
+    assert car.references[1] == pytest.approx(stop + car.springs, abs=degrees(SLOW) * PERIOD)
     assert car.errors == pytest.approx([0.0], abs=degrees(SLOW) * PERIOD)
     assert {"looking for the hard stop", "switching off"} <= car.phases
 

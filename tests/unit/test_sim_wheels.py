@@ -14,9 +14,8 @@ from artemis.sim.axis import Axis
 from artemis.sim.wheels import DrivenWheel, PotentiometerFailure, SteeredWheel
 from artemis.vehicle import RobotFile
 
-ROBOT = RobotFile.model_validate(
-    yaml.safe_load((Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml").read_text())
-)
+ROBOTS = Path(__file__).parents[2] / "missions" / "robots"
+ROBOT = RobotFile.model_validate(yaml.safe_load((ROBOTS / "artemis.yaml").read_text()))
 TURN = 2000 * 946
 """Counts of a turn of a steered wheel."""
 
@@ -41,6 +40,29 @@ def test_motor_turns_its_wheel_and_the_potentiometers() -> None:
     axis.position = TURN / 12
     assert degrees(wheel) == pytest.approx(30.0)
     assert shown(wheel, axis) == pytest.approx((2.51 + 30 / 72, 2.48 - 30 / 72))
+
+
+@pytest.mark.parametrize(
+    ("stop", "travel", "ends"),
+    [
+        (47.0, None, (-47.0, 47.0)),
+        (-47.0, None, (-47.0, 47.0)),
+        (47.0, 90.0, (-43.0, 47.0)),
+        (-47.0, 90.0, (-47.0, 43.0)),
+    ],
+)
+def test_motor_turns_from_one_stop_to_the_other(stop: float, travel: float | None, ends: tuple[float, float]) -> None:
+    words = yaml.safe_load((ROBOTS / "small_car.yaml").read_text())
+    words["calibration"]["steering"]["middle"] = {"angle": "hard_stop", "stop_deg": stop, "travel_deg": travel}
+    robot = RobotFile.model_validate(words)
+    axis = Axis(robot.drives["steering"])
+    wheel = SteeredWheel(robot, "steering", axis, start=0.0, zero_deg=0.5)
+    found = []
+    for turned in (-0.4, 0.4):
+        axis.position = turned * 2000 * 500
+        wheel.turn()
+        found.append(math.degrees(wheel.angle) - 0.5)
+    assert found == pytest.approx(ends)
 
 
 @pytest.mark.parametrize("number", [0, 1])

@@ -48,6 +48,12 @@ FOUND = 0.5
 """A drive that is found turning at the start is stopped in this time: the host listens first [s]."""
 STILL_TIME = 0.2
 """Motion for longer than this [s] is no settling."""
+LYING = ("STE-03", "STE-04", "STE-06", "STE-07", "CAL-02", "RUN-10")
+"""While these last, what the host is told of the wheels' angles is not true."""
+SHIFTING = ("STE-05", "RUN-09")
+"""At the moment of these, what it was told until then becomes untrue."""
+ASKEW = 0.06
+"""A wheel that is farther from straight [rad] is not aligned."""
 AT_ONCE = 0.0015
 """A drive acts this soon after its time-out [s]."""
 
@@ -274,11 +280,19 @@ def heartbeats_of_ticks(e: Evidence) -> Iterator[Violation]:
 
 
 def aligned(e: Evidence) -> Iterator[Violation]:
-    """I5: after a bring-up the traction drives are enabled only with the wheels truly straight."""
-    if any(i.id.startswith(("STE", "CAL", "RUN-09", "RUN-10")) for i in e.injected):
-        return
+    """I5: after a bring-up the traction drives are enabled only with the wheels truly straight.
+
+    Unless, since that bring-up began, the host was told something else of their angles.
+    """
     for before, look in pairwise(e.looks):
         if any(look.enabled[:2]) and not any(before.enabled[:2]) and e.journal.mode_at(look.time) == "init":
             askew = max(abs(angle) for angle in look.angles)
-            if askew > 0.06 and not any(i.id == "SYS-10" for i in e.injected):
+            begun = max((time for time, _ in e.journal.modes if time <= look.time), default=0.0)
+            if askew > ASKEW and not any(i.id == "SYS-10" or _misleads(i, begun, look.time) for i in e.injected):
                 yield Violation("I5", look.time, f"traction was enabled with a wheel at {askew:.3f} rad")
+
+
+def _misleads(injected: Injected, begin: float, end: float) -> bool:
+    """Between two times [s] the host could not know from what it was told where the wheels stood."""
+    until = injected.time if injected.id in SHIFTING else injected.until
+    return injected.id in (*LYING, *SHIFTING) and injected.time <= end and until >= begin
