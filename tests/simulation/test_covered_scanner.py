@@ -32,6 +32,7 @@ def requests(done: Run) -> list[str]:
     return [entry["text"] for entry in map(json.loads, lines) if entry["kind"] == "request"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("id", [None, "DRV-25"])
 def test_robot_whose_scanner_is_covered_drives_only_once_it_is_uncovered(tmp_path: Path, id: str | None) -> None:
     """Whatever an acknowledgment is for: the cover, or a fault beside it."""

@@ -56,6 +56,7 @@ def homed_or_refused(seen: Run) -> bool:
     return seen.status == 0
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("at_s", TIMES)
 def test_what_holds_the_motor_for_a_moment_is_not_taken_for_the_stop(at_s: float, tmp_path: Path) -> None:
     drove = 0
@@ -67,6 +68,7 @@ def test_what_holds_the_motor_for_a_moment_is_not_taken_for_the_stop(at_s: float
     assert drove >= 3, "and most of it is passed"
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("source", [UNSTATED, STATED], ids=["unstated", "stated"])
 @pytest.mark.parametrize("held_at", [-20.0, 10.0, 20.0, 30.0, 39.0])
 def test_a_kerb_is_not_taken_for_the_stop(held_at: float, source: dict[str, Any], tmp_path: Path) -> None:
@@ -87,6 +89,7 @@ def test_a_kerb_on_the_other_side_is_told(held_at: float, tmp_path: Path) -> Non
     assert not homed_or_refused(against_kerb(tmp_path, STATED, (held_at, 47.0)))
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("leaves", [4.0, 5.0, 6.0, 7.0, 8.0])
 def test_a_kerb_that_gives_way_is_not_taken_for_the_stop(leaves: float, tmp_path: Path) -> None:
     homed_or_refused(against_kerb(tmp_path, UNSTATED, (-47.0, 20.0), leaves))
