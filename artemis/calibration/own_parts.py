@@ -76,8 +76,9 @@ def _apart(ticks: Iterable[Tick], name: str) -> Iterator[tuple[float, Scan]]:
         scans = [scan for scan in tick.snapshot.sensed.scans if scan.source == name]
         pose = tick.snapshot.odometry.pose
         here = np.array([pose.x, pose.y, pose.heading])
-        if scans and (last is None or not within(between(last, here), STEP, TURN)):
-            yield 0.0 if last is None else abs(float(between(last, here)[2])), scans[-1]
+        motion = between(here if last is None else last, here)
+        if scans and (last is None or not within(motion, STEP, TURN)):
+            yield abs(float(motion[2])), scans[-1]
             last = here
 
 

@@ -68,7 +68,8 @@ def _read(runs: Sequence[Path]) -> tuple[Battery, list[BatteryLog]]:
         if recording.robot.battery != battery:
             raise ConfigError(f"{run}: recorded with a different battery than {runs[0]}; fit them one by one")
     logs = [log for run, recording in zip(runs, recordings, strict=True) for log in battery_logs(recording, str(run))]
-    tell_missing(recordings)
+    for recording in recordings:
+        tell_missing(recording, f"{recording.path}: ")
     assert battery is not None, "a recording without one has no logs"
     return battery, logs
 

@@ -176,7 +176,8 @@ def _recorded(runs: Sequence[Path], truths: Sequence[str]) -> tuple[Source, list
                 f"{run}: recorded with a different calibration than {runs[0]}; such runs cannot be fitted together"
             )
     pairs = [recorded_log(recording, str(run)) for run, recording in zip(runs, recordings, strict=True)]
-    tell_missing(recordings)
+    for recording in recordings:
+        tell_missing(recording, f"{recording.path}: ")
     if list(truths) != [SIMULATION]:
         pairs = [(log, None) for log, _ in pairs]
     counts = robot.metres_per_count("left"), robot.metres_per_count("right")

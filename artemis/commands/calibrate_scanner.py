@@ -49,7 +49,7 @@ def calibrate_scanner(run: Path, scanner: str | None, robot_file: Path | None, *
     seeing = old.model_copy(update={"mask": own_parts(recording.ticks(), name, old.mask)})
     robot = recording.robot.model_copy(update={"scanners": {name: seeing}})
     drive = scanner_drive(recording.ticks(), robot, name)
-    tell_missing([recording])
+    tell_missing(recording, f"{recording.path}: ")
     found = fit_mounting(drive.odometry, drive.scanner)
     wanted = changes(name, old, seeing, drive, found)
     tell(name, old, drive, found, wanted)

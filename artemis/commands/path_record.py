@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from artemis.commands.path_files import comments, keeps_up, refuse_smoothing, say, write_files
+from artemis.commands.wholeness import tell_missing
 from artemis.errors import ConfigError, shown
 from artemis.mission.problems import nearest
 from artemis.motion.arrays import Array
@@ -147,8 +148,7 @@ def record_path(
             impossible.append(f"{speed:g} m/s is more than the robot can: {robot.limits.speed_m_s:g} m/s")
         say(file, [*part.words(robot), *impossible])
         failed = failed or bool(impossible)
-    if recording.missing:
-        sys.stdout.write(f"the recording is not whole: {recording.missing}\n")
+    tell_missing(recording)
     return int(failed)
 
 

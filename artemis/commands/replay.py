@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from artemis.commands.wholeness import tell_missing
 from artemis.errors import ConfigError, RecordingError
 from artemis.mission.loading import load_mission
 from artemis.mission.page import has_page
@@ -36,8 +37,7 @@ def replay_run(run: Path) -> int:
         result = replay(recording, core_from(loaded, recording.resume_point, simulated))
     if not result.ticks:
         raise RecordingError(f"{recording.path}: holds no tick; {recording.missing or 'nothing to recompute'}")
-    if recording.missing:
-        sys.stdout.write(f"the recording is not whole: {recording.missing}\n")
+    tell_missing(recording)
     if result.difference:
         sys.stdout.write(result.difference + "\n" + _versions(recording))
         return 1

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
 
 from artemis.recording.mcap_reader import Recording
 
 
-def tell_missing(recordings: Iterable[Recording]) -> None:
-    """Print what of recordings is missing, if anything is: what follows is from the rest."""
-    for recording in recordings:
-        if recording.missing:
-            sys.stdout.write(f"{recording.path}: the recording is not whole: {recording.missing}\n")
+def tell_missing(recording: Recording, name: str = "") -> None:
+    """Print what of a recording is missing, if anything is. `name`: where there are several."""
+    if recording.missing:
+        sys.stdout.write(f"{name}the recording is not whole: {recording.missing}\n")

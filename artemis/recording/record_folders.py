@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import os
 from contextlib import suppress
 from pathlib import Path
+
+from artemis.user_folders import user_folder
 
 
 def noted_folders() -> list[Path]:
     """Those of earlier runs on this computer that are still there."""
     try:
         lines = _place().read_text(encoding="utf-8", errors="surrogateescape").splitlines()
-    except OSError:
+    except (OSError, RuntimeError):
         return []
     return [Path(line) for line in lines if Path(line).is_dir()]
 
@@ -21,7 +22,7 @@ def note_folder(folder: Path) -> None:
     folder = folder.resolve()
     if folder in noted_folders():
         return
-    with suppress(OSError):
+    with suppress(OSError, RuntimeError):  # a user without a home
         place = _place()
         place.parent.mkdir(parents=True, exist_ok=True)
         with place.open("a", encoding="utf-8", errors="surrogateescape") as file:
@@ -29,6 +30,4 @@ def note_folder(folder: Path) -> None:
 
 
 def _place() -> Path:
-    """XDG Base Directory Specification."""
-    base = os.environ.get("XDG_STATE_HOME", "")
-    return (Path(base) if os.path.isabs(base) else Path("~/.local/state").expanduser()) / "artemis" / "record_folders"
+    return user_folder("XDG_STATE_HOME", ".local/state") / "record_folders"

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 from copy import deepcopy
 from datetime import datetime
-from itertools import chain
+from itertools import chain, takewhile
 from pathlib import Path
 
 from msgspec.structs import replace
@@ -182,11 +182,10 @@ def _doubts(run: Path, recording: Recording, last: TickRecord, entries: tuple[En
 
 def _driven_since(recording: Recording, root: Path) -> Path | None:
     """A run of whichever mission that began after this one, and drove the same robot, in `root` or where others lie."""
-    roots = {root.resolve(), *noted_folders()}
-    for folder, entries in chain.from_iterable(map(_journals, sorted(roots))):
+    begun, roots = f"{recording.start:%Y%m%dT%H%M%SZ}", {root.resolve(), *noted_folders()}
+    later = [takewhile(lambda found: found[0].name[:16] >= begun, _journals(each)) for each in sorted(roots)]
+    for folder, entries in chain.from_iterable(later):
         facts = entries[0].data if entries else {}
-        if folder.name[:16] < f"{recording.start:%Y%m%dT%H%M%SZ}":
-            continue
         if facts.get("bus") == SIMULATION or facts.get("robot") != recording.robot.robot:
             continue
         drove = any(entry.kind == "mode" and entry.data.get("to") in _DRIVING for entry in entries)

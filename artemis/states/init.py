@@ -139,9 +139,10 @@ class InitMode(RoutineMode):
         latest = snapshot.time + ANSWER_TIME
         while True:
             snapshot = yield wish
-            require_no_restart(snapshot)
             if snapshot.time < earliest:
                 require_healthy(snapshot)
+            else:
+                require_no_restart(snapshot)
             waiting = [drive for drive in snapshot.sensed.drives if not done(drive)]
             if not waiting:
                 return snapshot

@@ -14,6 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from artemis.errors import ConfigError
+from artemis.user_folders import user_folder
 
 ALPHABET = "0123456789abcdefghjkmnpqrstvwxyz"
 """Base 32 without the letters i, l, o, u, as Crockford's."""
@@ -57,9 +58,8 @@ def secret_from(phrase: str) -> bytes:
 
 
 def default_place() -> Path:
-    """Where the secret is kept (XDG Base Directory Specification)."""
-    base = os.environ.get("XDG_CONFIG_HOME", "")
-    return (Path(base) if os.path.isabs(base) else Path.home() / ".config") / "artemis" / "operator.secret"
+    """Where the secret is kept."""
+    return user_folder("XDG_CONFIG_HOME", ".config") / "operator.secret"
 
 
 def write_secret(path: Path, secret: bytes, *, force: bool = False) -> None:

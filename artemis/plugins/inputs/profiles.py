@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from collections.abc import Iterable, Iterator
 from functools import cache
 from itertools import combinations, pairwise
@@ -26,6 +25,7 @@ from artemis.devices.hid.port import Source
 from artemis.errors import ConfigError, shown, similar
 from artemis.plugins.inputs.hands import AXES, BUTTONS, PEDALS, Kind
 from artemis.plugins.inputs.joystick import Gate
+from artemis.user_folders import user_folder
 from artemis.yaml_file import read, survey
 
 DIRECTIONS = ("up", "right", "down", "left")
@@ -291,9 +291,8 @@ def _shipped() -> tuple[Profile, ...]:
 
 
 def own_folder() -> FilePath:
-    """Where one's own profiles are kept (XDG Base Directory Specification)."""
-    base = os.environ.get("XDG_CONFIG_HOME", "")
-    return (FilePath(base) if os.path.isabs(base) else FilePath.home() / ".config") / "artemis" / "profiles"
+    """Where one's own profiles are kept."""
+    return user_folder("XDG_CONFIG_HOME", ".config") / "profiles"
 
 
 def _load(path: FilePath) -> Profile:
