@@ -16,6 +16,7 @@ from math import acos, inf, pi, sin
 
 import numpy as np
 from msgspec import Struct
+from numpy.typing import NDArray
 
 from artemis.motion.arrays import Array
 
@@ -33,6 +34,11 @@ class Rectangle(Struct, frozen=True):
     def grown(self, margin: float) -> Rectangle:
         """By a margin on every side [m]."""
         return Rectangle(self.rear - margin, self.front + margin, self.half_width + margin)
+
+    def holds(self, points: Array) -> NDArray[np.bool_]:
+        """Which points lie within it: x, y [m], shape (2, n)."""
+        x, y = points[0], points[1]
+        return np.asarray((x > self.rear) & (x < self.front) & (y > -self.half_width) & (y < self.half_width))
 
 
 def free_distances(

@@ -83,7 +83,7 @@ class View:
         """As if nothing had been seen."""
         self._time, self._pose, self.millimetres = -inf, Pose(), np.zeros(0)
         self._period = ScanPeriod()
-        self._noted = Pose(x=inf)
+        self._noted, self._bridged = Pose(x=inf), False
         self._points, self._kept, self._coming = NOTHING, NOTHING, NOTHING
         self._movers.forget()
         self._sorted_at = -inf
@@ -168,6 +168,9 @@ class View:
         if len(beams) < len(ranges):
             points = points.take(beams, 1)
         self._points = points
+        if known and not self._bridged:
+            self._bridged = True
+            self._bridge(_seen_twice(self.unmasked & (ranges >= self._least), ranges, before))
         if now - self._sorted_at >= SORTED_EVERY:
             self._sorted_at = now
             self._forget_some()
@@ -202,8 +205,7 @@ class View:
 
     def _is_close(self, ranges: Array) -> NDArray[np.bool_]:
         """Which beams end so near the outline that they count at once."""
-        (x, y), box = self._seen(ranges, 0.0, 0.0, 0.0, 0.0), self._near
-        return np.asarray((x > box.rear) & (x < box.front) & (y > -box.half_width) & (y < box.half_width))
+        return self._near.holds(self._seen(ranges, 0.0, 0.0, 0.0, 0.0))
 
     def _fit(self, start: float, increment: float, count: int) -> None:
         """Work out the beams' directions."""
@@ -226,6 +228,23 @@ class View:
         self._hides = np.where(gone, -1.0, np.where(in_view, self._distance_of + BEYOND, inf))
         self._farthest = np.where(self.unmasked, float(self._far), 0.0)
         self._padded = np.full(count + 2 * BESIDE, FAR)
+
+    def _bridge(self, shown: NDArray[np.bool_]) -> None:
+        """Where a surface leaves towards what is too near to be measured, and comes back, it goes on straight between.
+
+        It is asked once, of what stood there when nothing had been seen yet: later it is remembered.
+        """
+        beams, ends = shown.nonzero()[0], self._seen(self.millimetres, 0.0, 0.0, 0.0, 0.0)
+        masked, box = np.concatenate(([0], np.cumsum(~self.unmasked))), self._box
+        near = self.millimetres < self.least + LEAVING
+        first, last = beams[:-1], beams[1:]
+        between = (last > first + 1) & near[first] & near[last] & (masked[last] == masked[first])
+        for one, other in zip(first[between].tolist(), last[between].tolist(), strict=True):
+            begin, whole = ends[:, one : one + 1], ends[:, other : other + 1] - ends[:, one : one + 1]
+            count = int(hypot(*whole[:, 0].tolist()) / THINNED) + 1
+            points = begin + whole * (np.arange(1.0, count) / count)
+            if not box.holds(points).any():  # it is two things, with the robot between them
+                self._kept = np.concatenate((self._kept, points), 1)
 
     def _remember(self, points: Array, beams: NDArray[np.intp]) -> None:
         """Add those points of the scan that may leave the view."""

@@ -20,7 +20,7 @@ from artemis_lab.campaign.runs import ResultFile, load_campaign, run_seed, table
 
 ARTEMIS = [sys.executable, "-m", "artemis", "campaign"]
 FIRST, SLICE = 4, 4
-"""Seeds of short runs; `.ci/run` does 300."""
+"""Seeds of short runs; `.ci/run` does 120."""
 PATIENCE = 500.0
 """Longest time for anything on a busy machine [s]."""
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(PATIENCE)]

@@ -15,8 +15,8 @@ from artemis.battery import Battery, BatteryState
 from artemis.mission.loading import load_mission
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
-CAPACITY = 0.4
-"""[Ah]: a robot that is empty after a quarter of an hour, not after ten."""
+CAPACITY, SMALL = 0.4, 0.2
+"""[Ah]: a robot that is empty after a quarter of an hour, not after ten; and in half of that, for each change."""
 TELLS = {"artemis_battery.yaml": 0.02, "artemis_epos4.yaml": 0.05}
 """Down to so much charge above the reserve, by robot: a tenth of it is half a step in which the voltage is measured,
 15 mV (10 bits behind the divider) and 50 mV; the curve rises there by 95 mV for 1 % of the charge."""
@@ -26,7 +26,9 @@ DRIVE: dict[str, Any] = {
 }
 
 
-def driven(folder: Path, seed: int, robot: str, start_v: float) -> list[tuple[float, float, BatteryState]]:
+def driven(
+    folder: Path, seed: int, robot: str, start_v: float, capacity: float = CAPACITY
+) -> list[tuple[float, float, BatteryState]]:
     """Of each tick under way: true charge above the reserve, true metres to there, and what is estimated.
 
     Hidden: capacity, idle power, resistance; and of the file's numbers are wrong the force for a current, and what a
@@ -35,7 +37,7 @@ def driven(folder: Path, seed: int, robot: str, start_v: float) -> list[tuple[fl
     dice = Random(seed)
     described = yaml.safe_load(robot_text("artemis_battery.yaml"))["battery"]
     described |= {
-        "capacity_ah": CAPACITY,
+        "capacity_ah": capacity,
         "newtons_per_ampere": described["newtons_per_ampere"] * dice.uniform(0.9, 1.1),
         "joules_per_metre": 72.0 * dice.uniform(0.7, 1.3),
     }
@@ -80,12 +82,17 @@ def _under_way(rig: Rig, battery: Battery) -> list[tuple[float, float, BatterySt
 @pytest.mark.parametrize(
     "robot", ["artemis_battery.yaml", pytest.param("artemis_epos4.yaml", marks=pytest.mark.exhaustive)]
 )
-@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.exhaustive) for seed in range(2, 9))])
-def test_from_half_charge_on_the_range_is_right_within_a_tenth(tmp_path: Path, seed: int, robot: str) -> None:
+@pytest.mark.parametrize(
+    ("seed", "capacity"),
+    [(1, SMALL), *(pytest.param(seed, CAPACITY, marks=pytest.mark.exhaustive) for seed in range(1, 9))],
+)
+def test_from_half_charge_on_the_range_is_right_within_a_tenth(
+    tmp_path: Path, seed: int, capacity: float, robot: str
+) -> None:
     """Of a battery that was full when the run began."""
-    told = driven(tmp_path, seed, robot, 25.55)
+    told = driven(tmp_path, seed, robot, 25.55, capacity)
     late = [(left, state) for charge, left, state in told if TELLS[robot] < charge < 0.4]
-    assert len(late) > 2500
+    assert len(late) > 6000 * capacity
     wrong = [(left, state.range_m) for left, state in late if abs(state.range_m - left) > 0.1 * left]
     assert not wrong, f"{len(wrong)} of {len(late)}, such as {wrong[0]}"
     assert all(abs(state.range_m - left) < 2.0 * state.range_std_m for left, state in late)

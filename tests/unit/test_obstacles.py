@@ -152,6 +152,49 @@ def test_touches_nothing_that_stands(seed: int) -> None:
     assert outcome is None or outcome.nearest >= 0.01
 
 
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("beside", [0.40, 0.44])
+def test_a_wall_beside_the_start_goes_on_within_the_least_range(beside: float, side: int) -> None:
+    """It stands so far beside the scanner [m], crosses the way, and was never seen where the robot would touch it."""
+    c, s = math.cos(radians(17.0)), side * math.sin(radians(17.0))
+    middle, along = np.array([SCANNER.x_m + beside * abs(s), side * beside * c]), np.array([3.0 * c, -3.0 * s])
+    scene = Scene(np.array([[*(middle - along), *(middle + along)]]))
+    assert scene.distance(0.0, 0.0, 0.0) > 0.05
+
+    nearest = [drive(scene, Steady(0.7, side * radians(25.0)), seed, seconds=3.0).nearest for seed in range(6)]
+
+    assert min(nearest) > 0.02
+
+
+def seen(scene: Scene) -> np.ndarray:
+    """What the scanner sees of a scene from the start: nothing where it is too near."""
+    ranges = scene.ranges(SCANNER.x_m, 0.0, 0.0)
+    return np.where((ranges < SCANNER.least_range_m) | (ranges >= 20.0), 0.0, ranges)
+
+
+def test_a_door_through_which_something_is_seen_is_no_wall() -> None:
+    ahead, beyond = FRONT + 0.25, FRONT + 6.0
+    door = [[ahead, 0.45, ahead, 3.0], [ahead, -0.45, ahead, -3.0], [beyond, 4.0, beyond, -4.0]]
+    watch, ranges = Watch(), seen(Scene(np.array(door)))
+    assert ranges[ranges > 0.0].min() < SCANNER.least_range_m + 0.1, "its posts are where a gap would begin"
+
+    found = [watch.look(ranges) for _ in range(3)][-1]
+
+    assert found is not None
+    assert found.distance > 0.5
+
+
+def test_nothing_stands_where_the_robot_does() -> None:
+    """What is seen far to both sides of a gap may lie on the far sides of the robot."""
+    poles = Scene(circles=np.array([[SCANNER.x_m - 0.05, 0.6, 0.05], [SCANNER.x_m - 0.05, -0.6, 0.05]]))
+    watch = Watch()
+
+    found = [watch.look(seen(poles)) for _ in range(3)][-1]
+
+    assert found is not None
+    assert found.speed == UNKNOWN_SPEED
+
+
 @pytest.mark.exhaustive
 def test_scenes_would_be_touched_without_it() -> None:
     seed, touched = 2000, 0
