@@ -108,3 +108,13 @@ def test_a_robot_stands_within_the_distance(distance: float, reaction: float, de
 def test_no_distance_no_speed() -> None:
     assert stopping_speed(-0.1, 0.1, 1.0) == stopping_speed(0.0, 0.1, 1.0) == 0.0
     assert stopping_speed(inf, 0.1, 1.0) == inf
+
+
+def test_what_lies_within_a_rectangle() -> None:
+    """Its edges do not."""
+    box = Rectangle(-0.15, 0.73, 0.27)
+    inside = [(0.0, 0.0), (0.72, 0.26), (-0.14, -0.26)]
+    outside = [(0.73, 0.0), (-0.15, 0.0), (0.0, 0.27), (0.0, -0.27), (0.8, 0.0), (-0.3, 0.0), (0.0, 0.5), (0.0, -0.5)]
+
+    assert box.holds(np.array(inside).T).all()
+    assert not box.holds(np.array(outside).T).any()
