@@ -142,7 +142,7 @@ class PageObserver:
         view, thread = self._view, self._thread
         if thread is None:
             return
-        view.see(tick, traffic, now)
+        view.see(tick)
         time = stopwatch()
         if time < self._due and not tick.wish.finished:
             return

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from artemis.devices.can_bus import Traffic
 from artemis.drive_states import DriveState
 from artemis.motion.ackermann import Ackermann
 from artemis.motion.planned_route import route_poses
@@ -161,9 +160,9 @@ class PageView:
 
     # ------------------------------------------------------------------------------------------ each tick
 
-    def see(self, tick: Tick, traffic: Traffic, now: float) -> None:
+    def see(self, tick: Tick) -> None:
         """Take what is new in a tick."""
-        for entry in self._events.observe(tick, traffic, now):
+        for entry in self._events.observe(tick):
             if is_shown(entry):
                 self.log.append(line_of(entry))
         self.show(tick)

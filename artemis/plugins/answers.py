@@ -15,6 +15,8 @@ from artemis.values import Action, DriveCommand, LocatedPose, OperatorInput, Pos
 
 _FLOATS = {float}
 NUMBER, FLAG = (int, float, np.integer, np.floating), (bool, np.bool_)
+MOST = 64
+"""Requests, and answers, of one sample."""
 
 
 def is_whole_input(answer: object) -> TypeGuard[OperatorInput]:
@@ -46,7 +48,12 @@ def _holds(parts: object, kinds: tuple[type, ...]) -> bool:
 
 
 def is_in_range(sample: OperatorInput) -> bool:
-    """Whether a sample's numbers are finite, its axes between -1 and 1, it is not from the future, its poses can be."""
+    """Whether a sample's numbers are finite, its axes between -1 and 1, it is not from the future, its poses can be.
+
+    And whether it asks for no more than anybody can: all of it is written down.
+    """
+    if len(sample.requests) > MOST or len(sample.answers) > MOST:
+        return False
     try:
         age = 0.0 if sample.age is None else sample.age
         numbers = (sample.speed, sample.steering, age, *sample.raw, *sample.centred, *sample.shaped)

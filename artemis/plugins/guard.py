@@ -244,7 +244,7 @@ class PluginGuard:
         bad = self._bad[name] = [time for time in self._bad.get(name, []) if time > now - BAD_TIME] + [now]
         if len(bad) >= BAD_SAMPLES:
             self._problems.append((OUT_OF_RANGE, name, told(sample)))
-        stops = tuple(request for request in sample.requests if request is Request.QUICKSTOP)
+        stops = (Request.QUICKSTOP,) if Request.QUICKSTOP in sample.requests else ()
         then, last = self._last.get(name, (now, OperatorInput(source=name)))
         return replace(last, requests=stops, age=None if last.age is None else last.age + now - then)
 

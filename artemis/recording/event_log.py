@@ -6,7 +6,6 @@ from collections import Counter, deque
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from artemis.devices.can_bus import Traffic
 from artemis.devices.canopen import NMT
 from artemis.families.family import Errors
 from artemis.motion.potentiometers import memory_words
@@ -14,6 +13,7 @@ from artemis.progress import MissionEvent
 from artemis.recording.asked_poses import AskedPoses
 from artemis.recording.emergencies import Emergencies
 from artemis.recording.journal import Entry, Level
+from artemis.recording.schemas import unpack_frames
 from artemis.states.outline import is_beside
 from artemis.states.requests import accepted, ignored
 from artemis.supervision.catalogue import ROWS, emergency
@@ -48,7 +48,7 @@ class EventLog:
         self._nodes, self._errors = nodes, errors
         self._previous: Tick | None = None
         self._verdict = Verdict()
-        self._recent: deque[tuple[float, float, Traffic]] = deque()
+        self._recent: deque[tuple[float, bytes]] = deque()
         self._origin = 0.0
         self._recovered: Counter[str] = Counter()
         self._recoveries = 0
@@ -61,18 +61,18 @@ class EventLog:
         """Run time of the last tick [s]."""
         return self._previous.snapshot.time if self._previous else 0.0
 
-    def observe(self, tick: Tick, frames: Traffic, now: float) -> list[Entry]:
+    def observe(self, tick: Tick, frames: bytes = b"", now: float = 0.0) -> list[Entry]:
         """What is new in `tick`. Costs little where nothing is.
 
         Args:
             tick: its values.
-            frames: every frame of the tick, each with "sent by us"; kept, not copied.
+            frames: every frame of the tick, as `schemas.pack_frames` packs them; none where nobody reads of them.
             now: the time of the tick [s] by the clock of the frames.
         """
         previous, self._previous = self._previous, tick
         sensed = tick.snapshot.sensed
         self._origin = self._origin if previous else now - sensed.time
-        self._keep(sensed.time, now, frames)
+        self._keep(sensed.time, frames)
         entries: list[Entry] = []
         if sensed.answers or sensed.typed or sensed.requests:
             entries += self._asked(tick, previous)
@@ -103,9 +103,9 @@ class EventLog:
 
     # -------------------------------------------------------------------------------------------------- frames
 
-    def _keep(self, time: float, now: float, frames: Traffic) -> None:
+    def _keep(self, time: float, frames: bytes) -> None:
         recent = self._recent
-        recent.append((time, now, frames))
+        recent.append((time, frames))
         while recent[0][0] < time - EVIDENCE_TIME:
             recent.popleft()
 
@@ -116,11 +116,10 @@ class EventLog:
             names = dict.fromkeys(self._nodes)
         ids = {self._nodes[name] for name in names}
         found = [
-            [round(at - self._origin, 6), "tx" if sent else "rx", f"{frame.id:03X}", frame.data.hex().upper()]
-            for _, now, frames in self._recent
-            for sent, frame in frames
+            [round(frame.time - self._origin, 6), "tx" if sent else "rx", f"{frame.id:03X}", frame.data.hex().upper()]
+            for _, frames in self._recent
+            for sent, frame in unpack_frames(frames)
             if frame.id & 0x7F in ids or frame.id == NMT
-            for at in [frame.time or now]
         ]
         text = f"{', '.join(names)}: {len(found)} frames of the last {EVIDENCE_TIME:g} s"
         return Entry(time=time, kind="frames", text=text, data={"drives": list(names), "frames": found})

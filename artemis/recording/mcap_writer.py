@@ -41,7 +41,7 @@ QUEUE_TICKS = 500
 """Ticks that may wait for a slow disk, in real time."""
 JOURNAL = "journal"
 
-_Observed = tuple[Tick, Traffic, Pose | None, float]
+_Observed = tuple[Tick, bytes, Pose | None]
 
 
 class Recorder:
@@ -120,13 +120,14 @@ class Recorder:
 
         Args:
             tick: its values.
-            frames: every frame of the tick in the order on the bus, each with "sent by us"; kept, not copied.
+            frames: every frame of the tick in the order on the bus, each with "sent by us".
             true_pose: where the robot really is, in the frame of its pose; None where nobody knows.
             now: the time of the tick [s] by the clock of the frames.
         """
-        entries = self._chronicle.observe(tick, frames, now)
+        packed = pack_frames(frames, now)
+        entries = self._chronicle.observe(tick, packed, now)
         self._driven = tick.snapshot.odometry.driven
-        if (dropped := self._beside.put((tick, frames, true_pose, now))) is not None:
+        if (dropped := self._beside.put((tick, packed, true_pose))) is not None:
             self._late.add(dropped[0].snapshot.sensed.index)
         for entry in entries:
             self.note(entry)
@@ -264,13 +265,13 @@ class Recorder:
         media_type = guess_type(name)[0] or "application/octet-stream"
         self._writer.add_attachment(self._start, name, media_type, content)
 
-    def _write_tick(self, tick: Tick, frames: Traffic, true_pose: Pose | None, now: float) -> None:
+    def _write_tick(self, tick: Tick, frames: bytes, true_pose: Pose | None) -> None:
         sensed = tick.snapshot.sensed
         index, at = sensed.index, self._start + round(sensed.time * 1e9)
         add, channels = self._writer.add_message, self._channels
         add(channels["/tick"], at, tick_record(tick, true_pose), index)
         if frames:
-            add(channels["/frames"], at, encode(schemas.Frames(index, pack_frames(frames, now))), index)
+            add(channels["/frames"], at, encode(schemas.Frames(index, frames)), index)
         if (slot := int(sensed.time / POSE_PERIOD + 1e-6)) != self._pose_slot:
             self._pose_slot = slot
             self._write_poses(at, tick.snapshot, true_pose)

@@ -139,7 +139,9 @@ class InputContract(PluginContract):
         limits = self.robot.limits
         for now, sample in self.samples():
             seen = f"read({now:.2f}) gave {sample}"
-            assert is_in_range(sample), f"{seen}: a number not finite, an axis beyond 1, or a negative age (INP-06)"
+            assert is_in_range(sample), (
+                f"{seen}: a number not finite, an axis beyond 1, a negative age, or too many requests (INP-06)"
+            )
             assert abs(sample.speed) <= BEYOND * limits.speed_m_s, f"{seen}: faster than the robot (RUN-12)"
             assert abs(sample.steering) <= BEYOND * math.radians(limits.steering_deg), (
                 f"{seen}: steered further than the robot can (RUN-12)"

@@ -14,6 +14,7 @@ from artemis.devices.can_bus import Frame
 from artemis.recording.emergencies import STORM
 from artemis.recording.event_log import EventLog
 from artemis.recording.journal import Entry, Level
+from artemis.recording.schemas import pack_frames
 from artemis.supervision import catalogue
 from artemis.values import (
     Cause,
@@ -57,8 +58,8 @@ def told(*ticks: Tick, frames: Sequence[tuple[bool, Frame]] = ()) -> list[Entry]
     """What is told of the last tick."""
     event_log = EventLog(NODES, core_builders.ROBOT.errors)
     for seen in ticks[:-1]:
-        event_log.observe(seen, frames, seen.snapshot.time)
-    return event_log.observe(ticks[-1], (), ticks[-1].snapshot.time)
+        event_log.observe(seen, pack_frames(frames, seen.snapshot.time), seen.snapshot.time)
+    return event_log.observe(ticks[-1], b"", ticks[-1].snapshot.time)
 
 
 def of(kind: str, entries: list[Entry]) -> Entry:
@@ -202,7 +203,7 @@ def test_a_recovery_without_a_person_is_told_with_the_budget_spent() -> None:
     entries: list[Entry] = []
     for number in range(4):
         faults = (OVERRUN,) if number % 2 == 0 else ()
-        entries += event_log.observe(tick(number / 50, Mode.FAULT, *faults, recovers=True), (), number / 50)
+        entries += event_log.observe(tick(number / 50, Mode.FAULT, *faults, recovers=True), b"", number / 50)
 
     first, second = [entry for entry in entries if entry.kind == "recovered"]
     assert first.text == "automatically: DRV-18 1 of 1 times; recovery 1 of 5 in this run"
@@ -298,9 +299,11 @@ def evidence(*faults: Fault, mode: Mode = Mode.FAULT) -> Entry:
     for number in range(126):
         time = number * 0.02
         frames = [frame(identifier, 1000 + time) for identifier in (0x183, 0x184, 0x203, 0x080, 0x77F)]
-        event_log.observe(tick(time), [*frames, *([frame(0x000, 1000 + time)] if number == 100 else [])], 1000 + time)
+        frames += [frame(0x000, 1000 + time)] if number == 100 else []
+        event_log.observe(tick(time), pack_frames(frames, 1000 + time), 1000 + time)
     led = Cause(event=Event.STOP, faults=faults)
-    return of("frames", event_log.observe(tick(2.53, mode, *faults, cause=led), [frame(0x083, 1002.51)], 1002.53))
+    last = pack_frames([frame(0x083, 1002.51)], 1002.53)
+    return of("frames", event_log.observe(tick(2.53, mode, *faults, cause=led), last, 1002.53))
 
 
 def test_a_stop_by_a_verdict_shows_the_frames_of_the_drive_of_the_last_two_seconds() -> None:
@@ -362,7 +365,7 @@ def test_of_a_storm_of_emergencies_the_first_are_told_and_the_rest_counted() -> 
     for number in range(120):  # 2.4 s, of which the first 1.2 s with 100 emergencies a second
         codes = (0x8611, 0x8130) if number < 60 else ()
         said = drives(drive("steer-left", emergencies=codes), drive("steer-right", emergencies=codes[:1]))
-        entries += event_log.observe(tick(number * 0.02, drives=said), (), 0.0)
+        entries += event_log.observe(tick(number * 0.02, drives=said))
     entries += event_log.end()
 
     single = [entry for entry in entries if entry.kind == "emergency" and entry.data["drive"] == "steer-left"]
@@ -379,7 +382,7 @@ def test_of_a_storm_of_emergencies_the_first_are_told_and_the_rest_counted() -> 
 
 def test_a_storm_that_lasts_until_the_end_is_counted() -> None:
     event_log = EventLog(NODES, core_builders.ROBOT.errors)
-    event_log.observe(tick(drives=drives(drive("steer-left", emergencies=(0x8611,) * 50))), (), 0.0)
+    event_log.observe(tick(drives=drives(drive("steer-left", emergencies=(0x8611,) * 50))))
 
     (entry,) = event_log.end()
     assert entry.text == "steer-left: 30 more: EMCY 0x8611 x 30"

@@ -39,8 +39,8 @@ def view_of(run: Recorded) -> PageView:
 
 
 def seen(run: Recorded, view: PageView) -> Iterator[int]:
-    for number, (tick, traffic) in enumerate(run.ticks):
-        view.see(tick, traffic, tick.snapshot.time)
+    for number, (tick, _) in enumerate(run.ticks):
+        view.see(tick)
         yield number
 
 
@@ -118,12 +118,12 @@ def test_a_map_comes_as_runs_of_equal_cells(scanned: Recorded) -> None:
     cells = np.array([[0, 0, 100], [-1, 100, 100]], np.int8)
     shown = ShownMap(content=OccupancyMap(cells=cells, resolution=0.05, origin=(1.0, 2.0, 0.0)))
     view = PageView(scanned.loaded.robot, {}, {}, lambda: shown)
-    tick, traffic = scanned.ticks[0]
-    view.see(tick, traffic, 0.0)
+    tick, _ = scanned.ticks[0]
+    view.see(tick)
     part = view.parts["map"][1]
     assert (part["size"], part["origin"]) == ([3, 2], [1.0, 2.0, 0.0])
     assert part["runs"] == [0, 2, 1, 1, 2, 1, 1, 2]
-    view.see(tick, traffic, 0.0)
+    view.see(tick)
     assert view.parts["map"][0] == 1, "once"
 
 
@@ -157,7 +157,7 @@ def test_presses_of_the_record_button_are_counted_in_their_step(faulty: Recorded
         sensed = replace(tick.snapshot.sensed, inputs=inputs, requests=())
         snapshot = replace(tick.snapshot, sensed=sensed)
         now = replace(tick, mode=Mode.TELEOP, position=Position(step=step), snapshot=snapshot)
-        view.see(now, (), now.snapshot.time)
+        view.see(now)
         presses = view.state(now)["presses"]
         assert isinstance(presses, int)
         return presses

@@ -180,6 +180,8 @@ BAD: list[dict[str, Any]] = [
     {"axes": (0.0, 1.0001)},
     {"axes": (-1.0001,)},
     {"axes": (math.nan,)},
+    {"requests": (Request.ARM,) * 65},
+    {"answers": ("yes",) * 65},
 ]
 
 
@@ -203,6 +205,7 @@ def test_sample_out_of_range_is_whole_all_the_same(bad: dict[str, Any]) -> None:
         {"steering": np.float32(0.25), "axes": (np.float64(0.5), np.int16(-1)), "enabled": np.True_},
         {"buttons": (True, False)},
         {"requests": (Request.END,)},
+        {"requests": (Request.ARM,) * 64, "answers": ("yes",) * 64},
     ],
     ids=str,
 )
