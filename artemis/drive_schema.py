@@ -54,6 +54,9 @@ class Sensor(Config):
     """Encoder with or without an index channel, or the motor's hall sensors alone."""
     counts_per_turn: Annotated[int, Field(ge=6, le=30000)]
     """Of the motor shaft: 4 x lines of an encoder, or 6 x pole pairs with halls only."""
+    inverted: bool | None = None
+    """It counts against the motor, as it is mounted or wired; if left out, the drive keeps what is set in it. Which way
+    the wheel turns, `mirrored` says."""
 
 
 class Gains(Config):
@@ -81,6 +84,9 @@ class SiGains(Config):
     """P [A·s/rad], I [A/rad]."""
     position: Annotated[tuple[SiGain, SiGain, SiGain], Field(strict=False)]
     """P [A/rad], I [A/(rad·s)], D [A·s/rad]."""
+    observer: bool = False
+    """The velocity regulator has an observer, else a low pass: the gains of one do not suit the other. Without gains in
+    the robot file the drive keeps its own."""
 
     @property
     def numbers(self) -> tuple[int, ...]:
@@ -118,6 +124,9 @@ class Drive(Config):
     """Of an EPOS or EPOS2, without unit; if left out, those that the drive has stored."""
     si_gains: SiGains | None = None
     """Of an EPOS4, in SI units; if left out, those that the drive has stored."""
+    interpolation: bool = True
+    """An EPOS4 moves evenly from one set-point to the next, and reports those that are missing (DRV-38); else it takes
+    each at once."""
     following_error_counts: Annotated[int, Field(ge=1, le=0xFFFFFFFF)] = 2000
     """Lag of the motor behind its set-point [counts] beyond which a steering drive stops with a fault (DRV-25)."""
     cia402: Cia402 | None = None
@@ -207,6 +216,12 @@ def _motor(drive: Drive) -> Iterator[tuple[KeyPath, str]]:
     if not family.drives(motor.type, sensor.type):
         yield ("sensor", "type"), f"a motor of type {motor.type} cannot be driven with {sensor.type} ({family.title})"
     in_si = family.gains_in_si
+    if sensor.inverted is not None and (sensor.type == "hall" or not family.inverted):
+        text = "of halls it is not known" if family.inverted else f"not for this drive ({family.title})"
+        yield ("sensor", "inverted"), f"{text}: use the maker's own tool"
+    if not drive.interpolation and family.name != "epos4":
+        own = "`cia402: {interpolation_period: false}`" if drive.cia402 else "it takes each set-point at once anyway"
+        yield ("interpolation",), f"not for this drive ({family.title}): {own}"
     for key, given, fits in (
         ("gains", drive.gains, bool(family.gains) and not in_si),
         ("si_gains", drive.si_gains, in_si),

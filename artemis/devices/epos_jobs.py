@@ -200,9 +200,23 @@ class EposJobs:
         family, period = self._family, self._epos.period
         for setting in settings(self._epos.robot, self.drive, period):
             await self._ensure(setting)
+        for object in family.cleared:
+            if await held(self.read, object):
+                await self._write_checked(Setting(object, 0))
         for option in family.option_codes:
             await self._ensure_option(option)
-        for (object, value), meaning in family.forbidden:
+        await self._check_configured()
+        for pdo in pdo_settings(self._epos.robot, self.drive):
+            if not await self._holds(pdo):
+                if not family.moves_valid_pdos:
+                    await self._switch_pdo_off(pdo[0].object)
+                for setting in pdo:
+                    await self._write_checked(setting)
+
+    async def _check_configured(self) -> None:
+        """What follows from the settings, or must not be there, is as it has to be."""
+        family, period = self._family, self._epos.period
+        for (object, value, _), meaning in family.forbidden:
             if await held(self.read, object) == value:
                 raise NotKept(self.name, f"{object} is {value} ({meaning})")
         for object, quantity, name in family.checks:
@@ -212,12 +226,6 @@ class EposJobs:
         mode = self.drive.operating_mode
         if (shown := await self._settled(partial(self.read, MODE_DISPLAY), mode)) != mode:
             raise DeviceError(self.name, f"shows operating mode {shown}, not {mode}")
-        for pdo in pdo_settings(self._epos.robot, self.drive):
-            if not await self._holds(pdo):
-                if not family.moves_valid_pdos:
-                    await self._switch_pdo_off(pdo[0].object)
-                for setting in pdo:
-                    await self._write_checked(setting)
 
     async def _ensure_option(self, option: OptionCode) -> None:
         try:
@@ -332,8 +340,9 @@ class EposJobs:
 
     async def _ensure(self, setting: Setting) -> None:
         """Write only what differs: changing sensor data raises errors, and settings wear the memory."""
-        if await self.read(setting.object) != setting.value:
-            await self._write_checked(setting)
+        present = await self.read(setting.object)
+        if (wanted := setting.over(present)) != present:
+            await self._write_checked(Setting(setting.object, wanted))
 
     async def _holds(self, settings: list[Setting]) -> bool:
         """Whether every object has the last of its values already."""

@@ -106,8 +106,9 @@ def quantities(robot: RobotFile, drive: Drive, period: float) -> dict[str, int]:
         "quick-stop deceleration": quick_stop,
         "node heartbeat": NODE_HEARTBEAT_MS,
         "host watch": robot.host_node_id << 16 | HOST_WATCH_MS,
-        SYNC_PERIOD: round(period * 1000),
+        SYNC_PERIOD: round(period * 1000) if drive.interpolation else 0,
         "mode": drive.operating_mode,
+        "axis polarity": 0,
         **{f"gain {number}": gain for number, gain in enumerate(drive.gain_numbers)},
         **{name: table[motor.type, sensor.type] for name, table in family.choices.items()},
     }
@@ -120,16 +121,30 @@ def quantities(robot: RobotFile, drive: Drive, period: float) -> dict[str, int]:
         # the frame has its bits of one turn in byte 1, of several in byte 2; the position those of one turn in byte 0
         found |= {"SSI frame": source.bits << 8, "SSI position": source.bits, "SSI coding": source.coding == "gray"}
         found |= {name: found[name] + more for name, more in family.with_absolute.items()}
+    if drive.si_gains is not None and drive.si_gains.observer:
+        found |= {name: found[name] + more for name, more in family.observer.items()}
+    if sensor.inverted is not None:
+        found |= {name: found.get(name, 0) | bit * sensor.inverted for name, bit in family.inverted.items()}
     return found
+
+
+def own_bits(drive: Drive, quantity: str) -> int:
+    """Bits of a quantity that are set in the drive; the others stay as they are."""
+    family = drive.tables
+    bits = family.own_bits.get(quantity, -1)
+    if drive.sensor.inverted is not None:
+        bits |= family.inverted.get(quantity, 0)
+    return bits if drive.gain_numbers else bits & ~family.regulator_bits.get(quantity, 0)
 
 
 def settings(robot: RobotFile, drive: Drive, period: float) -> Iterator[Setting]:
     """Everything that is configured but the PDOs, in an order that the drive accepts; `period` of SYNC [s]."""
     known = quantities(robot, drive, period)
     for object, value in drive.tables.configuration:
-        number = known.get(value) if isinstance(value, str) else value
-        if number is not None:
-            yield Setting(object, number)
+        if not isinstance(value, str):
+            yield Setting(object, value)
+        elif value in known:
+            yield Setting(object, known[value], own_bits(drive, value))
 
 
 def pdo_settings(robot: RobotFile, drive: Drive) -> Iterator[list[Setting]]:

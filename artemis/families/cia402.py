@@ -37,6 +37,7 @@ from artemis.families.objects import (
     LOST_HEARTBEAT,
     MODE,
     MODE_DISPLAY,
+    OFFSETS,
     POSITION,
     POSITION_LIMITS,
     PRODUCER_HEARTBEAT,
@@ -239,6 +240,7 @@ def family_from(words: Cia402) -> Family:
         analog_scale=words.analog_inputs[0].units_per_v if words.analog_inputs else 1.0,
         configuration=(*_own_configuration(words), *((each.object, each.value) for each in words.settings)),
         choices={},
+        cleared=OFFSETS if words.operating_mode != PROFILE_VELOCITY else (),
         option_codes=_option_codes(words.option_codes),
         forbidden=(
             (NO_REACTION, "no reaction to a lost connection"),

@@ -44,6 +44,7 @@ from artemis.families.objects import (
     MODE,
     MODE_DISPLAY,
     MOTOR_TYPE,
+    OFFSETS,
     OTHER_CONSUMER_HEARTBEAT,
     POSITION,
     POSITION_LIMITS,
@@ -70,7 +71,7 @@ VELOCITY_AVERAGED = Object(0x30D3, 1, I32)
 CURRENT_AVERAGED = Object(0x30D1, 1, I32)
 SECOND_SENSOR = Object(0x60E4, 2, I32)
 VELOCITY_UNIT, RPM = Object(0x60A9, 0, U32), 0x00B44700
-SENSORS, CONTROL_STRUCTURE, COMMUTATION, RESOLUTION = (Object(0x3000, number, U32) for number in (1, 2, 3, 5))
+SENSORS, CONTROL_STRUCTURE, COMMUTATION, AXIS, RESOLUTION = (Object(0x3000, number, U32) for number in range(1, 6))
 GAINS = tuple(
     Object(regulator, number, U32)
     for regulator, number in (
@@ -208,6 +209,7 @@ EPOS4 = Family(
         (SENSORS, "sensors"),
         (CONTROL_STRUCTURE, "control structure"),
         (COMMUTATION, "commutation"),
+        (AXIS, "axis polarity"),
         *((gain, f"gain {number}") for number, gain in enumerate(GAINS)),
         (VELOCITY_UNIT, RPM),
         (FOLLOWING_ERROR, "following error"),
@@ -226,6 +228,11 @@ EPOS4 = Family(
     ),
     choices=CHOICES,
     with_absolute={"sensors": 0x00000300},  # byte 1: SSI absolute encoder
+    own_bits={"encoder type": 0x0F, "axis polarity": 0x01},
+    regulator_bits={"control structure": 0xF0},  # its second digit: 1 is PI with a low pass, 2 PI with an observer
+    observer={"control structure": 0x10},
+    inverted={"encoder type": 0x10},
+    cleared=OFFSETS,
     option_codes=(
         OptionCode(setting=Setting(COMMUNICATION_ERROR, 1), name="NMT state after a communication error: as before"),
         OptionCode(setting=Setting(ABORT_CONNECTION, 3), name="reaction to a lost connection: quick-stop ramp"),

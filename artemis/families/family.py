@@ -132,6 +132,16 @@ class Family:
     """Quantities that follow from the types of motor and sensor; a pair that is not there cannot be driven."""
     with_absolute: Mapping[str, int] = field(default_factory=dict)
     """What is added to a quantity where an absolute encoder is connected."""
+    own_bits: Mapping[str, int] = field(default_factory=dict)
+    """Bits of a quantity that artemis sets; the others stay as the drive has them. Of one that is not named, all."""
+    regulator_bits: Mapping[str, int] = field(default_factory=dict)
+    """Bits that belong to the regulators' gains: they stay as they are where the robot file gives none."""
+    observer: Mapping[str, int] = field(default_factory=dict)
+    """What is added to a quantity where the velocity regulator has an observer."""
+    inverted: Mapping[str, int] = field(default_factory=dict)
+    """Bits that say that the sensor counts against the motor: they stay where the robot file says nothing of it."""
+    cleared: tuple[Object, ...] = ()
+    """Objects that a drive adds to its set-points, where it has them: 0."""
     option_codes: tuple[OptionCode, ...] = ()
     forbidden: tuple[tuple[Setting, str], ...] = ()
     """Values that a drive which has the object must not have, and what they mean."""

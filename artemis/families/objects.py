@@ -93,6 +93,12 @@ class Setting(NamedTuple):
 
     object: Object
     value: int
+    mask: int = -1
+    """Bits of it that count; the others stay as the drive has them."""
+
+    def over(self, present: int) -> int:
+        """What the object must have, where it has `present`."""
+        return present & ~self.mask | self.value & self.mask
 
 
 # CiA 301, chapter 7.5
@@ -121,6 +127,8 @@ TOP_PROFILE_VELOCITY = Object(0x607F, 0, U32)
 TOP_MOTOR_SPEED = Object(0x6080, 0, U32)
 ACCELERATION, DECELERATION, QUICK_STOP_DECELERATION = (Object(index, 0, U32) for index in (0x6083, 0x6084, 0x6085))
 PROFILE_TYPE = Object(0x6086, 0, I16)
+OFFSETS = Object(0x60B0, 0, I32), Object(0x60B1, 0, I32), Object(0x60B2, 0, I16)
+"""Of position, velocity and torque: added to each set-point of the cyclic modes."""
 INTERPOLATION_TIME, INTERPOLATION_EXPONENT = Object(0x60C2, 1, U8), Object(0x60C2, 2, I8)
 DIGITAL_INPUTS = Object(0x60FD, 0, U32)
 TARGET_VELOCITY = Object(0x60FF, 0, I32)

@@ -205,7 +205,9 @@ class _Loading(SurroundingsChecks):
 
     def _check_drives(self, robot: RobotFile) -> None:
         """Drives that interpolate are given the period of set-points in whole ms."""
-        interpolating = [name for name, drive in robot.drives.items() if drive.tables.interpolates]
+        interpolating = [
+            name for name, drive in robot.drives.items() if drive.tables.interpolates and drive.interpolation
+        ]
         tick_hz = self._data.get("tick_hz")
         if interpolating and isinstance(tick_hz, int) and tick_hz > 0 and 1000 % tick_hz:
             rates = ", ".join(str(rate) for rate in range(25, 201) if not 1000 % rate)

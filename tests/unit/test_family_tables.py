@@ -21,7 +21,8 @@ GIVEN_IN_SOME_FILES = {"torque constant", "pulses", *OF_AN_ENCODER, *(f"gain {nu
 
 @every_family
 def test_every_quantity_that_is_configured_is_known(family: Family) -> None:
-    known = set(quantities(ROBOT, ROBOT.drives["steer-left"], PERIOD)) | GIVEN_IN_SOME_FILES | set(family.choices)
+    known = set(quantities(ROBOT, ROBOT.drives["steer-left"], PERIOD)) | GIVEN_IN_SOME_FILES
+    known |= {*family.choices, *family.inverted}
     asked = {quantity for _, quantity in family.configuration if isinstance(quantity, str)}
     assert asked - known == set()
     assert {quantity for _, quantity, _ in family.checks} <= known
