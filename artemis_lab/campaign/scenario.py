@@ -19,6 +19,7 @@ from artemis.supervision.catalogue.row import Kind
 from artemis.supervision.policy import WATCHED
 from artemis.vehicle import RobotFile
 from artemis_lab.campaign import shapes
+from artemis_lab.campaign.besides import besides
 from artemis_lab.campaign.sceneries import SceneryDice
 from artemis_lab.campaign.trees import ALIGN, ANSWERS, LENGTH, PARTS, TreeDice
 from artemis_lab.injections.stage import Lasting, Needs
@@ -150,10 +151,9 @@ def scenario(seed: int, robot: RobotFile) -> Scenario:
     }
     if not robot.has_potentiometers:
         mission = json.loads(json.dumps(mission).replace('"from_potentiometers"', '"align"'))
-    dies = dice.uniform(0, 1) < 0.06
-    killed = round(dice.uniform(0.0, length + 1.0), 4) if dies else None
-    share = round(dice.uniform(0.0, 1.0), 6)
-    found = Scenario(seed=seed, mission=mission, files=files, killed_at=killed, resumed_after=share)
+    killed = round(dice.uniform(0.0, length + 1.0), 4) if dice.uniform(0, 1) < 0.06 else None
+    besides(seed, mission, files, length)
+    found = Scenario(seed=seed, mission=mission, files=files, killed_at=killed, resumed_after=round(dice.random(), 6))
     return _among_things(found, robot, length) if robot.scanners else found
 
 

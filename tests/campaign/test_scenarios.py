@@ -147,3 +147,15 @@ def test_signal_that_ends_the_process_group_is_no_finding(robot: RobotFile, tmp_
 def test_every_scenario_of_other_drives_may_run(seed: int, tmp_path: Path) -> None:
     path = ROBOT.with_name("artemis_epos4.yaml")
     load_mission(scenario(seed, load_model(path, RobotFile)).write(tmp_path, path.read_bytes()))
+
+
+def test_some_seeds_have_a_spare_input_or_wait_for_an_arm(robot: RobotFile) -> None:
+    drawn = [scenario(seed, robot) for seed in range(1, 301)]
+    spare = [each for each in drawn if "spare" in each.mission["inputs"]]
+    waiting = [each for each in drawn if "supervision" in each.mission]
+
+    assert 10 < len(spare) < 60
+    assert all(each.mission["steps"][0]["teleop"]["inputs"] == ["stick", "spare"] for each in spare)
+    assert 5 < len(waiting) < 40
+    assert all(any(act["do"] == "arm" for act in each.operator) for each in waiting), "or it would wait for ever"
+    assert all(each.disturbed for each in waiting), "an undisturbed run is compared with the one that resumes it"

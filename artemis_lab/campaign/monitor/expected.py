@@ -8,6 +8,7 @@ from __future__ import annotations
 from enum import Enum
 from typing import NamedTuple
 
+from artemis_lab.campaign.besides import SPARE_INPUT
 from artemis_lab.campaign.monitor.evidence import Evidence, Injected
 
 
@@ -181,6 +182,8 @@ def expectation(injected: Injected, e: Evidence) -> Expected:
     is_epos4 = any(drive.family == "epos4" for drive in e.robot.drives.values())
     table = OF_EPOS4 if is_epos4 and injected.id in OF_EPOS4 else EXPECTED
     expected, tick = table[injected.id], e.tick
+    if injected.options.get("input") == SPARE_INPUT:
+        return UNTOLD  # the robot may drive without it
     if injected.options.get("heard") is False:
         return UNTOLD if injected.id == NO_REACTION else UNHEARD
     if injected.id == UNKEPT and injected.node.startswith("steer") and "index" not in injected.options:
