@@ -33,6 +33,8 @@ SLACK = 0.02
 """[m]."""
 PUSHED = ("RUN-02", "RUN-03", "RUN-01", "RUN-05", "COM-12", "SYS-10", "RUN-09", "RUN-10", "STE-05", "STE-06")
 """With these a robot may move on through no fault of the host: its ground, brakes, wheels or ears are not sound."""
+ROLLS_ON = 3.0
+"""What comes of them is over so much later [s]."""
 UNPOWERED = ("EST-01", "EST-03", "EST-04", "SYS-09", "PWR-02", "PWR-03", "COM-32", "COM-33", "DRV-04")
 CUT_OFF = ("COM-21", "COM-22", "COM-23", "COM-24", "COM-25")
 """The host does not reach the drives: they notice by themselves."""
@@ -116,7 +118,7 @@ def slows_down(e: Evidence) -> Iterator[Violation]:
     excused = (*PUSHED, *UNPOWERED, *CUT_OFF, *STALLS)
     for (begin, mode), (end, _) in pairwise([*e.journal.modes, (inf, "")]):
         first = e.look_at(begin)
-        if mode not in ("fault", "quickstop") or first is None or any(i.id in excused for i in e.injected):
+        if mode not in ("fault", "quickstop") or first is None or _is_during(e, excused, begin, end):
             continue
         causes = [expectation(i, e) for i in e.injected if i.time < begin + 0.5]
         coasts = any(cause.coasts or not cause.stop for cause in causes)
@@ -130,6 +132,11 @@ def slows_down(e: Evidence) -> Iterator[Violation]:
             if abs(look.speed) > ramp + 0.05:
                 yield Violation("I1", look.time, f"{look.speed:+.2f} m/s in {mode}, ramp {ramp:.2f} m/s")
                 break
+
+
+def _is_during(e: Evidence, ids: Sequence[str], begin: float, end: float) -> bool:
+    """Whether one of these is there between two times [s], or was a short time before."""
+    return any(i.id in ids and i.time <= end and i.until + ROLLS_ON >= begin for i in e.injected)
 
 
 def rests(e: Evidence) -> Iterator[Violation]:
@@ -163,13 +170,13 @@ def _fastest(look: Look, blocked: bool) -> float:
 
 def moves_after_acknowledgment(e: Evidence) -> Iterator[Violation]:
     """I6: after an acknowledgment the robot stands until it is armed."""
-    if any(i.id in PUSHED for i in e.injected):
-        return
     acknowledged = e.acts("acknowledge") + [i.time for i in e.injected if i.id.startswith("OPR")]
     for time in acknowledged:
         if e.journal.mode_at(time) not in ("fault", "quickstop"):
             continue
         armed = min((arm for arm in e.acts("arm") if arm > time), default=inf)
+        if _is_during(e, PUSHED, time, armed):
+            continue
         rested, moving_since = False, None
         for look in e.looks_between(time, armed):
             if abs(look.speed) <= MOVING:
