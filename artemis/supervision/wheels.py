@@ -230,7 +230,7 @@ class Wheels:
             reach = degrees(abs(command.steering)) / self._limits.steering_deg
             beyond = max(abs(command.speed) / self._limits.speed_m_s, reach) - 1.0
             if beyond > 0.0:
-                words = f"{command.speed:+.3g} m/s, {degrees(command.steering):+.3g} degrees"
+                words = f"{command.speed:+.2f} m/s, {degrees(command.steering):+.0f} degrees"
                 readings.append(("RUN-12", "", beyond, words))
         if tracking is None:
             self._arrived = False

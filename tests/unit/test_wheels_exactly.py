@@ -380,7 +380,7 @@ def test_people_read_degrees() -> None:
     assert made.words["STE-03"] == "10.0 and 16.0 degrees"
     assert made.words["STE-05"] == "3.0 degrees"
     assert made.words["STE-06"] == "10.0 and 20.0 degrees"
-    assert made.words["RUN-12"] == "+0.1 m/s, +90 degrees"
+    assert made.words["RUN-12"] == "+0.10 m/s, +90 degrees"
 
 
 # ---------------------------------------------------------------------------------------------- the wish itself
