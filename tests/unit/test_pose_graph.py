@@ -60,6 +60,7 @@ def test_the_sparse_solution_is_the_dense_one() -> None:
     assert np.abs(between(np.concatenate([true[:1], dense]), sparse)).max() < 1e-4
 
 
+@pytest.mark.slow
 def test_the_share_of_the_wheels_is_found_with_the_poses_as_in_the_dense_solution() -> None:
     true, steps = circle(count=60, noise=0.02)
     graph = PoseGraph()

@@ -313,7 +313,7 @@ def test_ground_is_known_where_the_robot_drove_and_where_it_saw_nothing_from_nea
     assert not is_known(1.9, 2.3, beside)
 
 
-@pytest.mark.parametrize("driven", [True, False])
+@pytest.mark.parametrize("driven", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_a_route_begins_backwards_over_known_ground_if_there_is_some(driven: bool) -> None:
     """A robot that stands before a wall may go back along what it drove; one that woke up there has not seen it."""
     on = floor((2.4, 0.0, 2.6, 2.2))
@@ -378,6 +378,7 @@ def test_a_scanner_that_looks_all_around_sees_behind_however_it_is_turned(headin
     assert known.any()
 
 
+@pytest.mark.slow
 def test_a_search_from_the_goal_drives_backwards_over_unknown_ground_only_as_far_as_allowed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
