@@ -15,7 +15,7 @@ Length = Annotated[float, Quantity(0.1, 10.0, "m")]
 Inset = Annotated[float, Quantity(0.0, 2.0, "m")]
 Voltage = Annotated[float, Quantity(0.0, 5.0, "V")]
 Slope = Annotated[float, Quantity(5.0, 2000.0, "degrees/V", signed=True)]
-Rolled = Annotated[float, Quantity(1e-8, 0.1, "m per count")]
+Rolled = Annotated[float, Quantity(1e-12, 0.1, "m per count")]
 Voltages = Annotated[tuple[Voltage, Voltage], Field(strict=False)]  # YAML knows only lists
 Slopes = Annotated[tuple[Slope, Slope], Field(strict=False)]
 WheelAngle = Annotated[float, Quantity(0.0, 89.0, "degrees", signed=True)]
@@ -201,6 +201,7 @@ class AbsoluteEncoder(Config):
     """As in `Potentiometers`."""
 
 
+AnyAngleSource = Potentiometers | ByHand | HardStop | HomeSwitch | AbsoluteEncoder
 _KINDS = {kind: f"<{kind.replace('_', ' ')}>" for kind in ("by_hand", "hard_stop", "home_switch", "absolute_encoder")}
 
 

@@ -189,6 +189,8 @@ NO_REACTION = Setting(ABORT_CONNECTION, 0)
 """The drive goes on with its last set-point when our heartbeat is lost."""
 POWER_CUTS = (Setting(ABORT_CONNECTION, 2), Setting(QUICK_STOP_OPTION, 0), Setting(FAULT_REACTION, 0))
 """The drive cuts its power and the wheel coasts (CiA 402, option codes): without a brake that is no stop."""
+COMMANDS = 2, 3
+"""Values of 0x6007 that make a lost heartbeat a command (disable voltage, quick stop), not a fault."""
 _OPTIONS = (ABORT_CONNECTION, QUICK_STOP_OPTION, FAULT_REACTION)
 _OURS = frozenset(
     object.index for object in (CONSUMER_HEARTBEAT, STORE, CONTROLWORD, TARGET_POSITION, TARGET_VELOCITY, *_OPTIONS)
@@ -251,6 +253,7 @@ def family_from(words: Cia402) -> Family:
         bit_rates={},
         reset_time=words.reset_time_s,
         state_time=words.state_time_s,
+        still_rpm=1.0,  # a fine encoder tells many counts of a shaft that stands
     )
 
 

@@ -238,6 +238,7 @@ EPOS4 = Family(
     gain_scale=GainScale(units=(1e-6, 1e-3, *(1e-6,) * 5), largest=4_294_000_000, period=0.4e-3),
     memory=tuple(Object(0x210C, number, I32) for number in range(1, 5)),
     moves_valid_pdos=False,
+    top_counts=4 * 2_500_000,
     errors=ERRORS,
     resets={
         0x8120: "communication",

@@ -46,6 +46,8 @@ TRAVEL = radians(2.0)
 """The way between both stops may differ by this much from the robot file's [rad]: `scale` may not be calibrated yet."""
 BEYOND = radians(20.0)
 """No wheel stands farther beyond the largest angle of the gate [rad]."""
+ROUND_TRIP = 0.02
+"""What a drive says of its motor is older than the set-points at most by this, in an orderly run [s]."""
 
 Turned = Generator[Wish, Snapshot, tuple[bool, Snapshot]]
 """Of a routine that turns the motor: whether it ended as it was to."""
@@ -53,6 +55,15 @@ Stopped = Generator[Wish, Snapshot, tuple[float, Snapshot]]
 """Of a routine that turns the motor until a stop holds it: where [rad]."""
 Met = Generator[Wish, Snapshot, tuple[float | None, Snapshot]]
 """Of a routine that turns the motor: where it was held [rad]; None: nowhere."""
+
+
+def lag_of_search(period: float) -> float:
+    """How far behind its set-point [rad] a motor is held until a stop is known, with set-points every `period` [s].
+
+    Its drive must not take so much for a fault. One of the messages in a row may begin late, and the last set-point is
+    taken over after them.
+    """
+    return HELD + SLOW * ((MESSAGES + 2) * period + ROUND_TRIP)
 
 
 def find_angles(shared: Shared, snapshot: Snapshot) -> Routine:
