@@ -146,6 +146,8 @@ class _Loading(SurroundingsChecks):
         inputs = self._inputs()
         _ = [self._plugin("artemis.observers", "observers", name) for name in self._names("observers")]
         self._check_bus(robot)
+        if robot is not None and isinstance(robot.angle_source("left"), ByHand):
+            self._check_acceptance()
         true_robot = self._true_robot()
         if "obstacles" in self._data:
             self._check_obstacles((), self._part(Obstacles, "obstacles"), robot)
@@ -288,6 +290,17 @@ class _Loading(SurroundingsChecks):
             for problem in check_bus_words(words):
                 word, _, text = problem.partition(": ")
                 self._complain(("bus", word), text)
+
+    def _check_acceptance(self) -> None:
+        """Somebody has to accept that the wheels stand straight; a simulated run may have nobody."""
+        simulation = self._data.get("simulation")
+        acts = simulation.get("operator") if isinstance(simulation, dict) else None
+        accepts = isinstance(acts, list) and any(isinstance(act, dict) and act.get("do") == "accept" for act in acts)
+        if self._simulated and not accepts:
+            self._remarks.append(
+                "simulation.operator: only a person can accept that the wheels stand straight (`angle: by_hand`); for "
+                "a run without one, write an act such as {at_s: 4.0, do: accept}"
+            )
 
     def _true_robot(self) -> PlantParameters | None:
         from artemis.sim.world import PlantParameters

@@ -16,7 +16,7 @@ from artemis.families.family import HOME_INPUT
 from artemis.motion.ackermann import Ackermann
 from artemis.motion.potentiometers import encoder_angle
 from artemis.states.alignment import align, do, enable, steer, switch_off
-from artemis.states.mode import OFF, ON, PATIENCE, STEERING_ON, Failed, Routine, feedback, may_answer
+from artemis.states.mode import OFF, ON, PATIENCE, STEERING_ON, Failed, Routine, feedback, give_up, may_answer
 from artemis.states.plan import Shared
 from artemis.supervision import catalogue
 from artemis.values import DriveCommand, DriveFeedback, Fault, JobKind, Request, Snapshot, Wish
@@ -90,9 +90,12 @@ def _ask_straight(snapshot: Snapshot) -> Routine:
     """Drives off: wait until a person says that the wheels stand straight."""
     begun = snapshot.time
     while Request.ACCEPT not in snapshot.sensed.requests or snapshot.time < begun + READ_TIME:
-        if not may_answer(snapshot) or snapshot.time > begun + PATIENCE:
-            raise Failed(OFF, catalogue.fault("CAL-01", "", f"no answer from the operator: {STRAIGHT}"))
-        snapshot = yield replace(OFF, phase=STRAIGHT)
+        late = snapshot.time > begun + PATIENCE
+        if late or not may_answer(snapshot):
+            alone = replace(OFF, phase=f"no operator can accept: {STRAIGHT}")
+            snapshot = yield give_up(replace(OFF, phase=STRAIGHT) if late else alone, late=late)
+        else:
+            snapshot = yield replace(OFF, phase=STRAIGHT)
     return snapshot
 
 
