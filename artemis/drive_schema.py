@@ -283,6 +283,17 @@ def _settings(words: Cia402) -> Iterator[tuple[KeyPath, str]]:
             yield ("cia402", "settings", number), text
         elif not given.fits:
             yield ("cia402", "settings", number, "value"), f"{given.value} is no {given.type}"
+        elif _hides_the_loss(words, given):
+            text = f"with {given.value} the drive does not leave Operational for Pre-Operational when our heartbeat is"
+            code = f"`abort_connection: {words.option_codes.abort_connection}`"
+            text += f" lost, and with {code} that is no fault: nothing would show that it watches the heartbeat;"
+            yield ("cia402", "settings", number, "value"), f"{text} write 0 here, or `abort_connection: 1`"
+
+
+def _hides_the_loss(words: Cia402, given: SettingWords) -> bool:
+    """Whether a lost heartbeat would neither be a fault nor end the exchange of process data (COM-30)."""
+    stays = (given.index, given.subindex) == (COMMUNICATION_ERROR.index, COMMUNICATION_ERROR.subindex) and given.value
+    return bool(stays) and words.option_codes.abort_connection in COMMANDS
 
 
 def _errors(words: Cia402) -> Iterator[tuple[KeyPath, str]]:
