@@ -13,7 +13,7 @@ from artemis.yaml_file import KeyPath
 
 Length = Annotated[float, Quantity(0.1, 10.0, "m")]
 Inset = Annotated[float, Quantity(0.0, 2.0, "m")]
-Voltage = Annotated[float, Quantity(0.0, 5.0, "V")]
+Voltage = Annotated[float, Quantity(0.0, 10.0, "V")]
 Slope = Annotated[float, Quantity(5.0, 2000.0, "degrees/V", signed=True)]
 Rolled = Annotated[float, Quantity(1e-12, 0.1, "m per count")]
 Voltages = Annotated[tuple[Voltage, Voltage], Field(strict=False)]  # YAML knows only lists
@@ -143,6 +143,8 @@ class Potentiometers(Config):
     """Of each potentiometer, positive where its voltage rises when the wheel turns to the left."""
     scale: Annotated[float, Quantity(0.5, 2.0, "")] = 1.0
     """True change of the wheel's angle per change that the encoder counts through the gear."""
+    supply_v: Annotated[float, Quantity(1.0, 10.0, "V")] = 5.0
+    """Between the ends of both: what is nearer than 2 % of it to an end is open or shorted (STE-04)."""
 
 
 class ByHand(Config):

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from math import atan2, cos, degrees, radians, sin
 
-from artemis.axles import AnyAngleSource, Geometry, HardStop
+from artemis.axles import AnyAngleSource, Geometry, HardStop, Potentiometers
 from artemis.drive_schema import Drive
 from artemis.linkage import MeasuredLinkage
 from artemis.yaml_file import KeyPath
@@ -102,3 +102,19 @@ def _way_deg(geometry: Geometry, steering_deg: float, source: AnyAngleSource) ->
         stop = abs(source.stop_deg)
         left, right = max(left, stop), max(right, (source.travel_deg or 2.0 * stop) - stop)
     return left + right + 2.0 * LIMIT_MARGIN_DEG
+
+
+def voltage_problems(known: Potentiometers, steering_deg: float, drive: Drive) -> Iterator[tuple[KeyPath, str]]:
+    """Potentiometers show every angle, and the drive's analog inputs read what they show."""
+    supply, family = known.supply_v, drive.tables
+    if family.analog and supply > family.top_analog_v:
+        reads = f"the analog inputs of this drive ({family.title}) read up to {family.top_analog_v:.3g} V"
+        yield ("supply_v",), f"{reads}, found {supply:g} V"
+    for number, (zero, slope) in enumerate(zip(known.zero_v, known.slope_deg_per_v, strict=True)):
+        swing = steering_deg / abs(slope)
+        if zero - swing < 0.0 or zero + swing > supply:
+            yield (
+                ("slope_deg_per_v", number),
+                f"at +-{steering_deg:g} degrees (limits.steering_deg) the potentiometer would show "
+                f"{zero - swing:.3g} and {zero + swing:.3g} V; between its ends are 0 to {supply:g} V (supply_v)",
+            )

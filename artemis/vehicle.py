@@ -23,7 +23,7 @@ from artemis.axles import (
 )
 from artemis.battery import Battery, VoltageInput
 from artemis.config import Config, Inconsistent, Quantity
-from artemis.drive_numbers import asked_of_steering, asked_of_traction, misfits
+from artemis.drive_numbers import asked_of_steering, asked_of_traction, misfits, voltage_problems
 from artemis.drive_schema import Drive, drive_problems
 from artemis.errors import similar
 from artemis.families.objects import Object
@@ -321,15 +321,9 @@ def _steering(robot: RobotFile) -> Problems:
         name, drive = robot.drive_at("steering", side)
         source = robot.angle_source(side)
         yield from _sources(robot, side, source)
-        volts = zip(source.zero_v, source.slope_deg_per_v, strict=True) if isinstance(source, Potentiometers) else ()
-        for number, (zero, slope) in enumerate(volts):
-            swing = limits.steering_deg / abs(slope)
-            if zero - swing < 0.0 or zero + swing > 5.0:
-                yield (
-                    ("calibration", "steering", side, "slope_deg_per_v", number),
-                    f"at +-{limits.steering_deg:g} degrees (limits.steering_deg) the potentiometer would show "
-                    f"{zero - swing:.3g} and {zero + swing:.3g} V; the analog input reads 0 to 5 V",
-                )
+        if isinstance(source, Potentiometers):
+            for key, text in voltage_problems(source, limits.steering_deg, drive):
+                yield ("calibration", "steering", side, *key), text
         highest = drive.motor.max_speed_rpm / drive.gear_ratio * 6
         if limits.steering_rate_wheel_deg_s > highest:
             yield (

@@ -104,6 +104,11 @@ class AnalogWords(ObjectWords):
     units_per_v: Scale
     """What the object shows per volt at the input; the same of both inputs."""
 
+    @property
+    def highest(self) -> float:
+        """Largest voltage that the object can show [V]."""
+        return float((1 << 8 * self.object.type.size - self.type.startswith("i")) - 1) / self.units_per_v
+
 
 class ErrorWords(Config):
     """An error code of the maker's own, and the row of the fault table that it means."""
@@ -238,6 +243,7 @@ def family_from(words: Cia402) -> Family:
         velocity_scale=words.velocity_units_per_rpm,
         acceleration_scale=words.acceleration_units_per_rpm_s,
         current_scale=words.current.units_per_a if words.current else 1.0,
+        top_analog_v=min((each.highest for each in words.analog_inputs or ()), default=0.0),
         analog_scale=words.analog_inputs[0].units_per_v if words.analog_inputs else 1.0,
         configuration=(*_own_configuration(words), *((each.object, each.value) for each in words.settings)),
         choices={},

@@ -122,6 +122,8 @@ class Family:
     """Units of `current` per ampere."""
     analog_scale: float = 1000.0
     """Units of `analog` per volt."""
+    top_analog_v: float = 5.0
+    """Highest voltage that its analog inputs read [V]."""
     analog_step: float | None = None
     """Step of the converter behind `analog` [V]: the alignment looks for edges between steps; None: it averages."""
 
