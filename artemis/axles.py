@@ -51,7 +51,7 @@ class Geometry(Config):
     wheelbase_m: Length
     """Distance of the front axle's centre from that of the rear axle."""
     track_m: Length
-    """Distance of the front wheels' contact points (and of the rear wheels)."""
+    """Distance of the contact points of the driven axle's wheels; the other axle counts only by its kingpins."""
     scrub_radius_m: Inset
     """Distance of the contact point outboard of the kingpin; 0 with one front wheel."""
     driven_axle: Literal["front", "rear"]
