@@ -139,7 +139,8 @@ def test_where_nobody_accepts_the_check_says_so_and_the_run_ends(operator: str, 
     assert [remark.partition("; ")[0] for remark in load_mission(mission).remarks] == [text]
     seen = run(mission, longest=60.0)
     assert (seen.status, seen.fault_ids) == (1, [])
-    assert seen.ticks[-2].wish.phase == "no operator can accept: set the wheels straight by hand, then accept (enter)"
+    phases = [tick.wish.phase for tick in seen.ticks]
+    assert "no operator can accept: set the wheels straight by hand, then accept (enter)" in phases
 
 
 def test_where_somebody_accepts_the_check_says_nothing(tmp_path: Path) -> None:
