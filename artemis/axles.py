@@ -13,9 +13,9 @@ from artemis.yaml_file import KeyPath
 
 Length = Annotated[float, Quantity(0.1, 10.0, "m")]
 Inset = Annotated[float, Quantity(0.0, 2.0, "m")]
-Voltage = Annotated[float, Quantity(0.0, 5.0, "V")]
+Voltage = Annotated[float, Quantity(0.0, 10.0, "V")]
 Slope = Annotated[float, Quantity(5.0, 2000.0, "degrees/V", signed=True)]
-Rolled = Annotated[float, Quantity(1e-8, 0.1, "m per count")]
+Rolled = Annotated[float, Quantity(1e-12, 0.1, "m per count")]
 Voltages = Annotated[tuple[Voltage, Voltage], Field(strict=False)]  # YAML knows only lists
 Slopes = Annotated[tuple[Slope, Slope], Field(strict=False)]
 WheelAngle = Annotated[float, Quantity(0.0, 89.0, "degrees", signed=True)]
@@ -51,7 +51,7 @@ class Geometry(Config):
     wheelbase_m: Length
     """Distance of the front axle's centre from that of the rear axle."""
     track_m: Length
-    """Distance of the front wheels' contact points (and of the rear wheels)."""
+    """Distance of the contact points of the driven axle's wheels; the other axle counts only by its kingpins."""
     scrub_radius_m: Inset
     """Distance of the contact point outboard of the kingpin; 0 with one front wheel."""
     driven_axle: Literal["front", "rear"]
@@ -143,6 +143,8 @@ class Potentiometers(Config):
     """Of each potentiometer, positive where its voltage rises when the wheel turns to the left."""
     scale: Annotated[float, Quantity(0.5, 2.0, "")] = 1.0
     """True change of the wheel's angle per change that the encoder counts through the gear."""
+    supply_v: Annotated[float, Quantity(1.0, 10.0, "V")] = 5.0
+    """Between the ends of both: what is nearer than 2 % of it to an end is open or shorted (STE-04)."""
 
 
 class ByHand(Config):
@@ -201,6 +203,7 @@ class AbsoluteEncoder(Config):
     """As in `Potentiometers`."""
 
 
+AnyAngleSource = Potentiometers | ByHand | HardStop | HomeSwitch | AbsoluteEncoder
 _KINDS = {kind: f"<{kind.replace('_', ' ')}>" for kind in ("by_hand", "hard_stop", "home_switch", "absolute_encoder")}
 
 

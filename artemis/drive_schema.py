@@ -10,8 +10,19 @@ from pydantic import Field
 from artemis.axles import Side
 from artemis.config import Config, Quantity
 from artemis.families import FAMILIES, GENERATIONS
-from artemis.families.cia402 import ERRORS, NO_REACTION, OPTIONAL, POWER_CUTS, Cia402, family_from, is_ours
-from artemis.families.family import MAXON, TORQUE_CONSTANT, Family
+from artemis.families.cia402 import (
+    COMMANDS,
+    ERRORS,
+    NO_REACTION,
+    OPTIONAL,
+    POWER_CUTS,
+    Cia402,
+    SettingWords,
+    family_from,
+    is_ours,
+)
+from artemis.families.family import MAXON, PULSES, TORQUE_CONSTANT, Family
+from artemis.families.objects import COMMUNICATION_ERROR
 from artemis.yaml_file import KeyPath
 
 Current = Annotated[int, Quantity(20, 65535, "mA")]
@@ -25,6 +36,8 @@ AnyGain = Annotated[float, Field(ge=0)]
 """Of a drive that is not known yet."""
 PiGains = Annotated[tuple[Gain, Gain], Field(strict=False)]
 PidGains = Annotated[tuple[Gain, Gain, Gain], Field(strict=False)]
+USUAL_LAG_DEG, FACTORY_LAG = 3.0, 2000
+"""Following error where the robot file says none: of a steered wheel [degrees], and what drives come with [counts]."""
 
 
 class Motor(Config):
@@ -52,7 +65,7 @@ class Sensor(Config):
 
     type: Literal["encoder_3_channel", "encoder_2_channel", "hall"]
     """Encoder with or without an index channel, or the motor's hall sensors alone."""
-    counts_per_turn: Annotated[int, Field(ge=6, le=30000)]
+    counts_per_turn: Annotated[int, Field(ge=6, le=0x7FFFFFFF)]
     """Of the motor shaft: 4 x lines of an encoder, or 6 x pole pairs with halls only."""
     inverted: bool | None = None
     """It counts against the motor, as it is mounted or wired; if left out, the drive keeps what is set in it. Which way
@@ -127,8 +140,9 @@ class Drive(Config):
     interpolation: bool = True
     """An EPOS4 moves evenly from one set-point to the next, and reports those that are missing (DRV-38); else it takes
     each at once."""
-    following_error_counts: Annotated[int, Field(ge=1, le=0xFFFFFFFF)] = 2000
-    """Lag of the motor behind its set-point [counts] beyond which a steering drive stops with a fault (DRV-25)."""
+    following_error_counts: Annotated[int, Field(ge=1, le=0xFFFFFFFF)] | None = None
+    """Lag of the motor behind its set-point [counts] beyond which a steering drive stops with a fault (DRV-25); if left
+    out, 3 degrees of the wheel."""
     cia402: Cia402 | None = None
     """What the device profile leaves open; for `family: cia402` only."""
 
@@ -136,6 +150,14 @@ class Drive(Config):
     def set_point(self) -> str:
         """Name of its part of `SetPoints`: rolling speed, or angle; one in the middle has both sides alike."""
         return f"{'speed' if self.role == 'traction' else 'steering'}_{'right' if self.side == 'right' else 'left'}"
+
+    @property
+    def lag_counts(self) -> int:
+        """Lag behind its set-point beyond which it stops [counts]; of a traction drive, what it comes with."""
+        if self.following_error_counts is not None:
+            return self.following_error_counts
+        wheel = self.sensor.counts_per_turn * self.gear_ratio
+        return FACTORY_LAG if self.role == "traction" else min(max(1, round(USUAL_LAG_DEG / 360.0 * wheel)), 0xFFFFFFFF)
 
     @property
     def tables(self) -> Family:
@@ -213,6 +235,16 @@ def _motor(drive: Drive) -> Iterator[tuple[KeyPath, str]]:
     if wants_torque != (motor.torque_constant_mnm_per_a is not None):
         text = "this key is missing: of the motor's data sheet" if wants_torque else "has no object for it"
         yield ("motor", "torque_constant_mnm_per_a"), f"{text} ({family.title})"
+    if sensor.type == "hall":
+        if sensor.counts_per_turn != 6 * motor.pole_pairs:
+            text = f"expected 6 x pole_pairs = {6 * motor.pole_pairs} with halls, found {sensor.counts_per_turn}"
+            yield ("sensor", "counts_per_turn"), text
+    elif sensor.counts_per_turn > family.top_counts:
+        text = f"expected at most {family.top_counts}, which is what {family.title} takes of an encoder"
+        yield ("sensor", "counts_per_turn"), f"{text}, found {sensor.counts_per_turn}"
+    elif sensor.counts_per_turn % 4 and any(quantity == PULSES for _, quantity in family.configuration):
+        text = f"expected four times the lines of an encoder ({family.title}), found {sensor.counts_per_turn}"
+        yield ("sensor", "counts_per_turn"), text
     if not family.drives(motor.type, sensor.type):
         yield ("sensor", "type"), f"a motor of type {motor.type} cannot be driven with {sensor.type} ({family.title})"
     in_si = family.gains_in_si
@@ -266,6 +298,17 @@ def _settings(words: Cia402) -> Iterator[tuple[KeyPath, str]]:
             yield ("cia402", "settings", number), text
         elif not given.fits:
             yield ("cia402", "settings", number, "value"), f"{given.value} is no {given.type}"
+        elif _hides_the_loss(words, given):
+            text = f"with {given.value} the drive does not leave Operational for Pre-Operational when our heartbeat is"
+            code = f"`abort_connection: {words.option_codes.abort_connection}`"
+            text += f" lost, and with {code} that is no fault: nothing would show that it watches the heartbeat;"
+            yield ("cia402", "settings", number, "value"), f"{text} write 0 here, or `abort_connection: 1`"
+
+
+def _hides_the_loss(words: Cia402, given: SettingWords) -> bool:
+    """Whether a lost heartbeat would neither be a fault nor end the exchange of process data (COM-30)."""
+    stays = (given.index, given.subindex) == (COMMUNICATION_ERROR.index, COMMUNICATION_ERROR.subindex) and given.value
+    return bool(stays) and words.option_codes.abort_connection in COMMANDS
 
 
 def _errors(words: Cia402) -> Iterator[tuple[KeyPath, str]]:

@@ -13,7 +13,7 @@ from artemis.axles import (
     OWN_SIDES,
     SWITCH_MARGIN_DEG,
     AbsoluteEncoder,
-    ByHand,
+    AnyAngleSource,
     Calibration,
     Geometry,
     HardStop,
@@ -23,6 +23,7 @@ from artemis.axles import (
 )
 from artemis.battery import Battery, VoltageInput
 from artemis.config import Config, Inconsistent, Quantity
+from artemis.drive_numbers import asked_of_steering, asked_of_traction, misfits, voltage_problems
 from artemis.drive_schema import Drive, drive_problems
 from artemis.errors import similar
 from artemis.families.objects import Object
@@ -37,7 +38,6 @@ WishedSpeed = Annotated[float, Quantity(0.001, 20.0, "m/s")]
 Acceleration = Annotated[float, Quantity(0.05, 30.0, "m/s²")]
 
 ROLES = ("traction", "steering")
-Source = Potentiometers | ByHand | HardStop | HomeSwitch | AbsoluteEncoder
 
 
 class Limits(Config):
@@ -99,7 +99,7 @@ class RobotFile(Config):
             *_supply(self),
         ]
         if not problems:
-            problems = [*_traction(self), *_steering(self), *_limits(self.limits)]
+            problems = [*_traction(self), *_steering(self), *_limits(self.limits), *_numbers(self)]
         if problems:
             raise Inconsistent(problems)
         return self
@@ -135,7 +135,7 @@ class RobotFile(Config):
         assert found is not None, "checked when the file was read"
         return found
 
-    def angle_source(self, side: str) -> Source:
+    def angle_source(self, side: str) -> AnyAngleSource:
         """How the angle of the steering motor that turns the wheel of a side becomes known."""
         steering = self.calibration.steering
         own = steering.left if side == "left" else steering.right
@@ -201,12 +201,6 @@ def _nodes(robot: RobotFile) -> Problems:
     for name, drive in robot.drives.items():
         if (other := owner.setdefault(drive.node_id, name)) != name:
             yield ("drives", name, "node_id"), f"{drive.node_id} is the id of {other}, too: each node has its own"
-        sensor, motor = drive.sensor, drive.motor
-        if sensor.type == "hall" and sensor.counts_per_turn != 6 * motor.pole_pairs:
-            yield (
-                ("drives", name, "sensor", "counts_per_turn"),
-                f"expected 6 x pole_pairs = {6 * motor.pole_pairs} with halls, found {sensor.counts_per_turn}",
-            )
     if robot.host_node_id in owner:
         yield (
             ("host_node_id",),
@@ -308,15 +302,11 @@ def _traction(robot: RobotFile) -> Problems:
         wanted, highest = robot.limits.wheel_speed_m_s, turns * around[side]
         if wanted > highest:
             reason = f"max_speed_rpm {drive.motor.max_speed_rpm} rpm, gear_ratio {drive.gear_ratio:g}"
-            text = (
-                f"{wanted:g} m/s is more than {name} reaches: {highest:.3g} m/s ({reason}, {around[side]:.3g} m a turn)"
-            )
-            yield ("limits", "wheel_speed_m_s"), text
+            text = f"{wanted:g} m/s is more than {name} reaches: {highest:.3g} m/s ({reason}, "
+            yield ("limits", "wheel_speed_m_s"), f"{text}{around[side]:.3g} m a turn)"
     if len(around) == 2 and not 0.8 <= around["left"] / around["right"] <= 1.25:
-        text = (
-            f"makes wheels of {around['left']:.4g} m (left) and {around['right']:.4g} m around; expected about the same"
-        )
-        yield key, text
+        both = f"{around['left']:.4g} m (left) and {around['right']:.4g} m around"
+        yield key, f"makes wheels of {both}; expected about the same"
 
 
 def _steering(robot: RobotFile) -> Problems:
@@ -325,24 +315,15 @@ def _steering(robot: RobotFile) -> Problems:
     if isinstance(robot.geometry.linkage, tuple):
         low, high = MeasuredLinkage(robot.geometry).reach
         if not low <= -limits.steering_deg < limits.steering_deg <= high:
-            yield (
-                ("limits", "steering_deg"),
-                f"{limits.steering_deg:g} degrees are beyond the linkage's table: its ends turn the virtual wheel "
-                f"to {low:.1f} and {high:.1f} degrees",
-            )
+            text = f"{limits.steering_deg:g} degrees are beyond the linkage's table: its ends turn the virtual wheel"
+            yield ("limits", "steering_deg"), f"{text} to {low:.1f} and {high:.1f} degrees"
     for side in robot.sides("steering"):
         name, drive = robot.drive_at("steering", side)
         source = robot.angle_source(side)
         yield from _sources(robot, side, source)
-        volts = zip(source.zero_v, source.slope_deg_per_v, strict=True) if isinstance(source, Potentiometers) else ()
-        for number, (zero, slope) in enumerate(volts):
-            swing = limits.steering_deg / abs(slope)
-            if zero - swing < 0.0 or zero + swing > 5.0:
-                yield (
-                    ("calibration", "steering", side, "slope_deg_per_v", number),
-                    f"at +-{limits.steering_deg:g} degrees (limits.steering_deg) the potentiometer would show "
-                    f"{zero - swing:.3g} and {zero + swing:.3g} V; the analog input reads 0 to 5 V",
-                )
+        if isinstance(source, Potentiometers):
+            for key, text in voltage_problems(source, limits.steering_deg, drive):
+                yield ("calibration", "steering", side, *key), text
         highest = drive.motor.max_speed_rpm / drive.gear_ratio * 6
         if limits.steering_rate_wheel_deg_s > highest:
             yield (
@@ -350,15 +331,26 @@ def _steering(robot: RobotFile) -> Problems:
                 f"{limits.steering_rate_wheel_deg_s:g} degrees/s is more than the {highest:.3g} degrees/s of {name}: "
                 f"max_speed_rpm {drive.motor.max_speed_rpm} rpm, gear_ratio {drive.gear_ratio:g}",
             )
-        error = drive.following_error_counts / (drive.sensor.counts_per_turn * drive.gear_ratio) * 360
-        if not 0.01 <= error <= 45:
-            yield (
-                ("drives", name, "following_error_counts"),
-                f"{drive.following_error_counts} counts are {error:.3g} degrees of the wheel; expected 0.01 to 45",
-            )
+        error = drive.lag_counts / (drive.sensor.counts_per_turn * drive.gear_ratio) * 360
+        if drive.following_error_counts is not None and not 0.01 <= error <= 45:
+            text = f"{drive.lag_counts} counts are {error:.3g} degrees of the wheel; expected 0.01 to 45"
+            yield ("drives", name, "following_error_counts"), text
 
 
-def _sources(robot: RobotFile, side: str, source: Source) -> Problems:
+def _numbers(robot: RobotFile) -> Problems:
+    """What each drive is told, and counts, fits into its objects."""
+    limits = robot.limits
+    for name, drive in robot.drives.items():
+        if drive.role == "traction":
+            speeds = limits.wheel_speed_m_s, limits.quick_stop_deceleration_m_s2
+            asked = asked_of_traction(drive, robot.metres_per_count(drive.side), *speeds)
+        else:
+            asked = asked_of_steering(drive, robot.geometry, limits.steering_deg, robot.angle_source(drive.side))
+        for key, text in misfits(drive, asked):
+            yield ("drives", name, *key), text
+
+
+def _sources(robot: RobotFile, side: str, source: AnyAngleSource) -> Problems:
     """All angles become known in one way, by what the drive can read; a stop is beyond every angle, a switch not."""
     key, limit = ("calibration", "steering", side), robot.limits.steering_deg
     name, drive = robot.drive_at("steering", side)

@@ -19,8 +19,9 @@ from artemis.values import JobKind, Mode, Tick
 WAY = 0.5
 """A driven wheel is tried on so much of a straight [m], there and back."""
 POINTS = 11
-FREQUENCY = 200
-"""Ticks a second on a bus of 1 Mbit/s, less on slower ones (a third of the bus is used), if the mission says none."""
+FREQUENCIES, FREQUENCY = (25, 40, 50, 100, 125, 200), 200
+"""Ticks a second that last whole milliseconds, and those on a bus of 1 Mbit/s, if the mission says none; less on slower
+ones (a third of the bus is used)."""
 PATH_FILE = "straight.csv"
 _STOPPED = (Mode.FAULT, Mode.QUICKSTOP)
 
@@ -86,7 +87,8 @@ def write_mission(loaded: LoadedMission, source: Path, trial: Trial, folder: Pat
     kept = {key: value for key, value in data.items() if key not in ("inputs", "steps")}
     if isinstance(simulation := kept.get("simulation"), dict):
         kept["simulation"] = {key: value for key, value in simulation.items() if key != "inputs"}
-    frequency = max(25, min(FREQUENCY, FREQUENCY * loaded.robot.bitrate // 1_000_000))
+    bearable = max(FREQUENCIES[0], FREQUENCY * loaded.robot.bitrate // 1_000_000)
+    frequency = max(each for each in FREQUENCIES if each <= bearable)
     kept = {"tick_hz": frequency, **kept, "mission": "gains"}
     files = {name: loaded.files[name] for name in (loaded.mission.robot,)}
     if trial.role == "traction":

@@ -202,7 +202,7 @@ def _changes(name: str, numbers: Mapping[str, float], machine: RobotFile) -> dic
         changes["calibration", "traction", f"{side}_m_per_count"] = float(f"{around / counts:.7e}")
         changes["drives", drive, "gear_ratio"] = numbers["traction_gear"]
         changes["drives", steer, "gear_ratio"] = numbers["steering_gear"]
-        turned = round(steering.following_error_counts * numbers["steering_gear"] / steering.gear_ratio)
+        turned = round(steering.lag_counts * numbers["steering_gear"] / steering.gear_ratio)
         changes["drives", steer, "following_error_counts"] = max(turned, 1)
         rate = STEERING_SHARE * 6 * steering.motor.max_speed_rpm / numbers["steering_gear"]
         changes["limits", "steering_rate_wheel_deg_s"] = min(machine.limits.steering_rate_wheel_deg_s, round(rate, 1))

@@ -13,6 +13,7 @@ from artemis.devices.epos import EposDrive
 from artemis.devices.epos_identity import check_family, check_identity, held
 from artemis.devices.epos_objects import NOT_VALID, pdo_settings, quantities, settings, wrapped
 from artemis.devices.epos_state import Controlword
+from artemis.drive_numbers import LIMIT_MARGIN_DEG
 from artemis.drive_states import POWERED, DriveState
 from artemis.errors import DeviceError, DeviceLost, DeviceRestarted, DeviceTimeout, NotKept, WrongDevice
 from artemis.families.family import OptionCode
@@ -42,7 +43,7 @@ STOP_TIME = 5.0
 """Longest wait for a drive found moving to stand [s]."""
 STORE_TIME = 3.0
 """A drive may be busy for so long when it stores its parameters [s]: no manual says how long it is."""
-LIMIT_MARGIN = radians(3.0)
+LIMIT_MARGIN = radians(LIMIT_MARGIN_DEG)
 """The drive's own position limits lie this far beyond the largest wheel angle of the gate [rad]."""
 
 T = TypeVar("T")
@@ -262,7 +263,7 @@ class EposJobs:
         """
         target = await self.read(self._set_point)
         wanted = 0 if self.drive.role == "traction" else await self.read(POSITION)
-        if abs(target - wanted) > (0 if self.drive.role == "traction" else self.drive.following_error_counts // 4):
+        if abs(target - wanted) > (0 if self.drive.role == "traction" else self.drive.lag_counts // 4):
             await self.write(self._set_point, wanted)
             if (kept := await self.read(self._set_point)) != wanted:
                 raise NotKept(self.name, f"keeps the stale set-point {kept} in {self._set_point} (wanted {wanted})")

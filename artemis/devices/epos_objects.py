@@ -7,6 +7,7 @@ from math import pi
 
 from artemis.axles import AbsoluteEncoder
 from artemis.devices.canopen import RXPDO, TXPDO, PdoLayout
+from artemis.drive_numbers import DRIVE_RAMP, FASTER, STEERING_RAMP
 from artemis.drive_schema import Drive
 from artemis.families.family import SYNC_PERIOD, TORQUE_CONSTANT
 from artemis.families.objects import MODE_DISPLAY, U8, U32, Object, Setting
@@ -21,10 +22,6 @@ JITTER = 0.1
 HOST_WATCH_MS = 200
 """A drive stops by itself when our heartbeat is missing for this long."""
 NODE_HEARTBEAT_MS = 100
-DRIVE_RAMP = 5.0
-"""Ramp inside the traction drives [m/s²]. The gate shapes speeds; the drive only has to follow it."""
-STEERING_RAMP = 10000
-"""Factory default of 0x6083 to 0x6085 [rpm/s]."""
 NOT_VALID = 0x80000000
 """Bit of a PDO's COB-ID: the PDO is switched off."""
 _NO_RTR = 0x40000000
@@ -46,7 +43,7 @@ class Units:
         """Motor rpm per m/s or rad/s of the wheel, signed; also rpm/s per m/s² or rad/s²."""
         self.velocity = self.rpm * drive.tables.velocity_scale
         """The drive's units of velocity per m/s or rad/s of the wheel, signed."""
-        self.fastest = 1.5 * drive.motor.max_speed_rpm / abs(self.rpm)
+        self.fastest = FASTER * drive.motor.max_speed_rpm / abs(self.rpm)
         """No motor turns the wheel faster [m/s, rad/s]."""
 
 
@@ -99,7 +96,7 @@ def quantities(robot: RobotFile, drive: Drive, period: float) -> dict[str, int]:
         "motor speed": motor.max_speed_rpm,
         "thermal time": round(motor.thermal_time_constant_s * 10),
         "counts": sensor.counts_per_turn,
-        "following error": drive.following_error_counts,
+        "following error": drive.lag_counts,
         "top velocity": min(family.top_velocity, round(top * family.velocity_scale)),
         "acceleration": ramp,
         "deceleration": ramp,

@@ -105,6 +105,11 @@ class AnalogWords(ObjectWords):
     units_per_v: Scale
     """What the object shows per volt at the input; the same of both inputs."""
 
+    @property
+    def highest(self) -> float:
+        """Largest voltage that the object can show [V]."""
+        return float((1 << 8 * self.object.type.size - self.type.startswith("i")) - 1) / self.units_per_v
+
 
 class ErrorWords(Config):
     """An error code of the maker's own, and the row of the fault table that it means."""
@@ -190,6 +195,8 @@ NO_REACTION = Setting(ABORT_CONNECTION, 0)
 """The drive goes on with its last set-point when our heartbeat is lost."""
 POWER_CUTS = (Setting(ABORT_CONNECTION, 2), Setting(QUICK_STOP_OPTION, 0), Setting(FAULT_REACTION, 0))
 """The drive cuts its power and the wheel coasts (CiA 402, option codes): without a brake that is no stop."""
+COMMANDS = 2, 3
+"""Values of 0x6007 that make a lost heartbeat a command (disable voltage, quick stop), not a fault."""
 _OPTIONS = (ABORT_CONNECTION, QUICK_STOP_OPTION, FAULT_REACTION)
 _OURS = frozenset(
     object.index for object in (CONSUMER_HEARTBEAT, STORE, CONTROLWORD, TARGET_POSITION, TARGET_VELOCITY, *_OPTIONS)
@@ -237,6 +244,7 @@ def family_from(words: Cia402) -> Family:
         velocity_scale=words.velocity_units_per_rpm,
         acceleration_scale=words.acceleration_units_per_rpm_s,
         current_scale=words.current.units_per_a if words.current else 1.0,
+        top_analog_v=min((each.highest for each in words.analog_inputs or ()), default=0.0),
         analog_scale=words.analog_inputs[0].units_per_v if words.analog_inputs else 1.0,
         configuration=(*_own_configuration(words), *((each.object, each.value) for each in words.settings)),
         choices={},
@@ -253,6 +261,7 @@ def family_from(words: Cia402) -> Family:
         bit_rates={},
         reset_time=words.reset_time_s,
         state_time=words.state_time_s,
+        still_rpm=1.0,  # a fine encoder tells many counts of a shaft that stands
     )
 
 

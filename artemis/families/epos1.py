@@ -172,6 +172,7 @@ EPOS1 = Family(
     gain_scale=GAIN_SCALE,
     memory=tuple(Object(0x200C, number, I32) for number in range(1, 5)),
     top_velocity=25000,
+    top_counts=4 * 7500,
     errors=ERRORS,
     resets={0x6100: "node", 0x8120: "communication", 0xFF04: "node"},
     bit_rate=Object(0x2001, 0, U16),

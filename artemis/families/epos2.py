@@ -31,6 +31,7 @@ EPOS2 = replace(
     name="epos2",
     title="EPOS2",
     generation=2,
+    top_counts=4 * 2_500_000,
     configuration=configuration(Object(0x2210, 1, U32)),
     option_codes=(OptionCode(setting=Setting(FAULT_REACTION, 2), name="reaction to a fault: quick-stop ramp"),),
     errors=ERRORS,

@@ -193,6 +193,7 @@ EPOS4 = Family(
     supply=Object(0x2200, 1, U16),  # in 0.1 V; no PDO takes it
     sto=Setting(Object(0x3202, 1, U8), 0x03),
     temperature=Object(0x3201, 1, I16),  # of the power stage, in 0.1 °C; no PDO takes it
+    top_analog_v=10.0,
     analog_step=20.0 / 4096,  # -10 to 10 V in 12 bit (hardware reference of the 50/5)
     configuration=(
         (MOTOR_TYPE, "motor type"),
@@ -245,6 +246,7 @@ EPOS4 = Family(
     gain_scale=GainScale(units=(1e-6, 1e-3, *(1e-6,) * 5), largest=4_294_000_000, period=0.4e-3),
     memory=tuple(Object(0x210C, number, I32) for number in range(1, 5)),
     moves_valid_pdos=False,
+    top_counts=4 * 2_500_000,
     errors=ERRORS,
     resets={
         0x8120: "communication",

@@ -15,7 +15,7 @@ MOTORS = ("dc", "ec_sine", "ec_block")
 ENCODERS = ("encoder_3_channel", "encoder_2_channel")
 SENSORS = (*ENCODERS, "hall")
 MAXON = 0x000000FB
-SYNC_PERIOD, TORQUE_CONSTANT = "SYNC period", "torque constant"
+SYNC_PERIOD, TORQUE_CONSTANT, PULSES = "SYNC period", "torque constant", "pulses"
 """Quantities that a family may need."""
 HOME_INPUT = 1 << 2
 """Home switch among the digital inputs: bit 2 of 0x60FD (CiA 402); maxon numbers the functions of 0x2071 alike."""
@@ -122,6 +122,8 @@ class Family:
     """Units of `current` per ampere."""
     analog_scale: float = 1000.0
     """Units of `analog` per volt."""
+    top_analog_v: float = 5.0
+    """Highest voltage that its analog inputs read [V]."""
     analog_step: float | None = None
     """Step of the converter behind `analog` [V]: the alignment looks for edges between steps; None: it averages."""
 
@@ -159,6 +161,8 @@ class Family:
     """A PDO's identifier may be changed together with switching it off; else it is switched off first."""
     top_velocity: int = 0x7FFFFFFF
     """Largest profile velocity that it takes [units]."""
+    top_counts: int = 0x7FFFFFFF
+    """Most counts of an encoder per turn of the motor's shaft."""
 
     # ------------------------------------------------------------------------------------------ faults and time
     errors: Mapping[int, str]

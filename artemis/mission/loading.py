@@ -4,27 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import ceil, degrees
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
+from artemis.axles import ByHand, HardStop
 from artemis.bridges.places import clashing
 from artemis.bridges.poses import INITIAL_POSE
 from artemis.config import Config
 from artemis.drive_schema import serial_problem
 from artemis.errors import ConfigError
+from artemis.families.objects import FOLLOWING_ERROR
 from artemis.mission.actions import PluginUse
 from artemis.mission.injector import FaultInjector, installed_injector
 from artemis.mission.obstacles import Obstacles
 from artemis.mission.problems import by_position, nearest, problems_from
 from artemis.mission.reading import Configs, Model
-from artemis.mission.schema import InjectedFault, Mission, RecoveryPolicy
+from artemis.mission.schema import SLOWEST, InjectedFault, Mission, RecoveryPolicy
 from artemis.mission.starts import far_starts, start_pose
 from artemis.mission.surroundings import SurroundingsChecks
 from artemis.plugins.contracts import PluginContext, TakesInitialPose
 from artemis.plugins.stated import allowed, is_pure
 from artemis.progress import OWN_STEPS
+from artemis.states.homing import lag_of_search
 from artemis.states.outcomes import FOLLOWING
 from artemis.states.outline import steps_in
 from artemis.vehicle import RobotFile
@@ -142,6 +146,8 @@ class _Loading(SurroundingsChecks):
         inputs = self._inputs()
         _ = [self._plugin("artemis.observers", "observers", name) for name in self._names("observers")]
         self._check_bus(robot)
+        if robot is not None and isinstance(robot.angle_source("left"), ByHand):
+            self._check_acceptance()
         true_robot = self._true_robot()
         if "obstacles" in self._data:
             self._check_obstacles((), self._part(Obstacles, "obstacles"), robot)
@@ -214,6 +220,24 @@ class _Loading(SurroundingsChecks):
             period = f"a period of {1000 / tick_hz:.3g} ms"
             text = f"{period}; {interpolating[0]} interpolates over whole milliseconds: expected one of {rates}"
             self._complain(("tick_hz",), text)
+        if isinstance(source := robot.angle_source("left"), HardStop):
+            tick_hz = self._data.get("tick_hz", Mission.model_fields["tick_hz"].default)
+            if isinstance(tick_hz, int) and tick_hz >= SLOWEST:
+                self._check_search(robot, source, tick_hz)
+
+    def _check_search(self, robot: RobotFile, source: HardStop, tick_hz: int) -> None:
+        """A drive lets its motor lag as far as the search for a hard stop has it held."""
+        name, drive = robot.drive_at("steering", "left")
+        degree = drive.sensor.counts_per_turn * drive.gear_ratio / 360.0 / source.scale
+        needed = ceil(degrees(lag_of_search(1.0 / tick_hz)) * degree)
+        if drive.lag_counts < needed and any(object == FOLLOWING_ERROR for object, _ in drive.tables.configuration):
+            text = (
+                f"{drive.lag_counts} counts are {drive.lag_counts / degree:.3g} degrees: the search for the hard stop"
+            )
+            text += f" holds the motor until it is {needed / degree:.3g} degrees behind, at {tick_hz} ticks a second:"
+            place = ("drives", name, "following_error_counts")
+            text = f"{text} expected at least {needed}, or leave it out"
+            self._problems.append(self._documents[self._robot_source].problem(place, text))
 
     def _inputs(self) -> dict[str, Config | None]:
         """Options of the mission's inputs by name; None where they are wrong."""
@@ -268,6 +292,17 @@ class _Loading(SurroundingsChecks):
             for problem in check_bus_words(words):
                 word, _, text = problem.partition(": ")
                 self._complain(("bus", word), text)
+
+    def _check_acceptance(self) -> None:
+        """Somebody has to accept that the wheels stand straight; a simulated run may have nobody."""
+        simulation = self._data.get("simulation")
+        acts = simulation.get("operator") if isinstance(simulation, dict) else None
+        accepts = isinstance(acts, list) and any(isinstance(act, dict) and act.get("do") == "accept" for act in acts)
+        if self._simulated and not accepts:
+            self._remarks.append(
+                "simulation.operator: only a person can accept that the wheels stand straight (`angle: by_hand`); for "
+                "a run without one, write an act such as {at_s: 4.0, do: accept}"
+            )
 
     def _true_robot(self) -> PlantParameters | None:
         from artemis.sim.world import PlantParameters

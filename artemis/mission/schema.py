@@ -13,6 +13,9 @@ from artemis.mission.obstacles import Obstacles
 from artemis.mission.words import MissionPart, Step
 from artemis.supervision.catalogue import ROWS
 
+SLOWEST = 25
+"""Ticks per second."""
+
 
 class BusWords(OpenConfig):
     """A real CAN bus in python-can's own words; words beside `interface` are the interface's."""
@@ -172,7 +175,7 @@ class Mission(Config):
     """The robot file, in the mission's folder or below."""
     bus: Bus
     """`simulation`, options of python-can such as {interface: socketcan, channel: can0}, or a serial line."""
-    tick_hz: Annotated[int, Field(ge=25, le=200)] = 50
+    tick_hz: Annotated[int, Field(ge=SLOWEST, le=200)] = 50
     """Ticks per second: how often the robot senses and decides, and its drives get set-points."""
     inputs: dict[str, PluginUse] = Field(default_factory=dict)
     """What drives the robot by hand, by names of the mission's own: joysticks, the keyboard, other programs."""

@@ -9,9 +9,8 @@ from artemis.axles import AbsoluteEncoder, Potentiometers
 from artemis.motion.angles import wrap
 from artemis.motion.totals import mean
 
-SUPPLY_V = 5.0
-LOWEST, HIGHEST = 0.02 * SUPPLY_V, SUPPLY_V - 0.02 * SUPPLY_V
-"""Nearer than this [V] to a rail of its supply a potentiometer counts as open or shorted."""
+RAIL = 0.02
+"""Nearer than this to a rail, as a part of its supply, a potentiometer counts as open or shorted."""
 
 
 def wheel_angles(volts: tuple[float, float], calibration: Potentiometers) -> tuple[float, float]:
@@ -26,9 +25,11 @@ def encoder_angle(counts: int, known: AbsoluteEncoder) -> float:
     return -angle if known.mirrored else angle
 
 
-def is_at_a_rail(volts: tuple[float, float]) -> bool:
-    """Whether one of them is open or shorted."""
-    return not (LOWEST <= volts[0] <= HIGHEST and LOWEST <= volts[1] <= HIGHEST)
+def is_at_a_rail(volts: tuple[float, float], supply: float) -> bool:
+    """Whether one of them is open or shorted; `supply` of both [V]."""
+    lowest = RAIL * supply
+    highest = supply - lowest
+    return not (lowest <= volts[0] <= highest and lowest <= volts[1] <= highest)
 
 
 def memory_numbers(calibration: Potentiometers) -> tuple[int, ...]:

@@ -72,9 +72,9 @@ class SteeredWheel:
         self.angle = start
         """True angle of the wheel [rad], left positive."""
         self._zero_deg = zero_deg
-        self._zero_v, known = (0.0, 0.0), (math.inf, math.inf)
+        self._zero_v, known, self._supply = (0.0, 0.0), (math.inf, math.inf), 5.0
         if isinstance(source, Potentiometers):
-            self._zero_v, known = source.zero_v, source.slope_deg_per_v
+            self._zero_v, known, self._supply = source.zero_v, source.slope_deg_per_v, source.supply_v
         self._slope_1, self._slope_2 = (a * b for a, b in zip(known, slopes, strict=True))
         self.encoder = source if isinstance(source, AbsoluteEncoder) else None
         """Absolute encoder at the wheel; None: there is none, or nobody reads it any more."""
@@ -120,6 +120,8 @@ class SteeredWheel:
         if noise:
             first += dice.gauss(0.0, noise)
             second += dice.gauss(0.0, noise)
+        if not (0.0 <= first <= self._supply and 0.0 <= second <= self._supply):
+            first, second = (max(0.0, min(self._supply, voltage)) for voltage in (first, second))
         if self.failures:
             first, second = (
                 self.failures[number].shown(voltage, now) if number in self.failures else voltage

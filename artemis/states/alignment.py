@@ -260,7 +260,7 @@ def _angles(plan: Plan, name: str, volts: tuple[float, float]) -> tuple[float, f
 
 
 def _implausible(plan: Plan, name: str, volts: tuple[float, float]) -> list[Fault]:
-    if is_at_a_rail(volts):
+    if is_at_a_rail(volts, plan.robot.potentiometers(plan.robot.drives[name].side).supply_v):
         return [catalogue.fault("STE-04", name, f"{volts[0]:.2f} V and {volts[1]:.2f} V")]
     if plan.blind:
         return []

@@ -16,7 +16,7 @@ from artemis.families.family import HOME_INPUT
 from artemis.motion.ackermann import Ackermann
 from artemis.motion.potentiometers import encoder_angle
 from artemis.states.alignment import align, do, enable, steer, switch_off
-from artemis.states.mode import OFF, ON, PATIENCE, STEERING_ON, Failed, Routine, feedback, may_answer
+from artemis.states.mode import OFF, ON, PATIENCE, STEERING_ON, Failed, Routine, feedback, give_up, may_answer
 from artemis.states.plan import Shared
 from artemis.supervision import catalogue
 from artemis.values import DriveCommand, DriveFeedback, Fault, JobKind, Request, Snapshot, Wish
@@ -46,6 +46,8 @@ TRAVEL = radians(2.0)
 """The way between both stops may differ by this much from the robot file's [rad]: `scale` may not be calibrated yet."""
 BEYOND = radians(20.0)
 """No wheel stands farther beyond the largest angle of the gate [rad]."""
+ROUND_TRIP = 0.02
+"""What a drive says of its motor is older than the set-points at most by this, in an orderly run [s]."""
 
 Turned = Generator[Wish, Snapshot, tuple[bool, Snapshot]]
 """Of a routine that turns the motor: whether it ended as it was to."""
@@ -53,6 +55,15 @@ Stopped = Generator[Wish, Snapshot, tuple[float, Snapshot]]
 """Of a routine that turns the motor until a stop holds it: where [rad]."""
 Met = Generator[Wish, Snapshot, tuple[float | None, Snapshot]]
 """Of a routine that turns the motor: where it was held [rad]; None: nowhere."""
+
+
+def lag_of_search(period: float) -> float:
+    """How far behind its set-point [rad] a motor is held until a stop is known, with set-points every `period` [s].
+
+    Its drive must not take so much for a fault. One of the messages in a row may begin late, and the last set-point is
+    taken over after them.
+    """
+    return HELD + SLOW * ((MESSAGES + 2) * period + ROUND_TRIP)
 
 
 def find_angles(shared: Shared, snapshot: Snapshot) -> Routine:
@@ -79,9 +90,12 @@ def _ask_straight(snapshot: Snapshot) -> Routine:
     """Drives off: wait until a person says that the wheels stand straight."""
     begun = snapshot.time
     while Request.ACCEPT not in snapshot.sensed.requests or snapshot.time < begun + READ_TIME:
-        if not may_answer(snapshot) or snapshot.time > begun + PATIENCE:
-            raise Failed(OFF, catalogue.fault("CAL-01", "", f"no answer from the operator: {STRAIGHT}"))
-        snapshot = yield replace(OFF, phase=STRAIGHT)
+        late = snapshot.time > begun + PATIENCE
+        if late or not may_answer(snapshot):
+            alone = replace(OFF, phase=f"no operator can accept: {STRAIGHT}")
+            snapshot = yield give_up(replace(OFF, phase=STRAIGHT) if late else alone, late=late)
+        else:
+            snapshot = yield replace(OFF, phase=STRAIGHT)
     return snapshot
 
 

@@ -59,7 +59,7 @@ class SteeredWheelMonitor:
             return [*readings, self._slipped(away)] if away > SLIPPED and self._changes else readings
         if self._calibration is None:
             return readings
-        if is_at_a_rail(drive.potentiometers):
+        if is_at_a_rail(drive.potentiometers, self._calibration.supply_v):
             readings.append(("STE-04", self._name, 1.0, "{:.2f} V and {:.2f} V".format(*drive.potentiometers)))
             return readings
         if not self._blind:

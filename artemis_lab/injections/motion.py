@@ -82,7 +82,7 @@ class Rail(Lasting):
     """What one potentiometer shows, whatever the angle."""
 
     potentiometer: Literal[1, 2] = 1
-    voltage: Annotated[float, Field(ge=0, le=5)] = 5.0
+    voltage: Annotated[float, Field(ge=0, le=10)] = 5.0
 
 
 class Angle(Config):

@@ -132,6 +132,21 @@ def test_a_person_sets_the_wheels_straight(tmp_path: Path) -> None:
     assert ignored(Request.ACCEPT, accepted) is None
 
 
+@pytest.mark.parametrize("operator", ["", "{at_s: 2.0, do: arm}"])
+def test_where_nobody_accepts_the_check_says_so_and_the_run_ends(operator: str, tmp_path: Path) -> None:
+    mission = straight(tmp_path, "{angle: by_hand}", operator=operator)
+    text = "simulation.operator: only a person can accept that the wheels stand straight (`angle: by_hand`)"
+    assert [remark.partition("; ")[0] for remark in load_mission(mission).remarks] == [text]
+    seen = run(mission, longest=60.0)
+    assert (seen.status, seen.fault_ids) == (1, [])
+    phases = [tick.wish.phase for tick in seen.ticks]
+    assert "no operator can accept: set the wheels straight by hand, then accept (enter)" in phases
+
+
+def test_where_somebody_accepts_the_check_says_nothing(tmp_path: Path) -> None:
+    assert load_mission(straight(tmp_path, "{angle: by_hand}", operator=BY_HAND)).remarks == ()
+
+
 def test_what_has_no_potentiometers_measures_none(tmp_path: Path) -> None:
     mission = straight(tmp_path, "{angle: by_hand}", operator=BY_HAND)
     mission.write_text(mission.read_text().replace("steering: align", "steering: from_potentiometers"))

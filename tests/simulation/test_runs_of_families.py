@@ -211,7 +211,7 @@ def test_drives_with_other_option_codes_stop_and_go_on_when_armed(
         ({"option_codes": {"quick_stop": -2}}, "does not take the option code 0x605A:0 = -2 (quick stop): SDO abort"),
         ({"vendor_id": 0x11}, "node 1 is of vendor 0x12345678, not 0x11"),
         (
-            {"option_codes": {"abort_connection": 3}},
+            {"option_codes": {"abort_connection": 3}, "settings": None},
             "does not watch the computer's heartbeat (no fault without our heartbeat; state switch on disabled)",
         ),
     ],
@@ -220,12 +220,22 @@ def test_drives_with_other_option_codes_stop_and_go_on_when_armed(
 def test_what_a_described_drive_does_not_do_is_refused_with_its_reason(
     tmp_path: Path, traction: dict[str, object], told: str
 ) -> None:
-    """Whom a lost heartbeat is a command, and who goes on exchanging (0x1029 = 1), shows nothing of it while off."""
+    """Whom a lost heartbeat is a command, and who goes on exchanging (0x1029 = 1), shows nothing of it while off.
+
+    A robot file that says so is refused; a drive may be so all the same.
+    """
     steps = [{"wait": {"seconds": 1.0}}]
     present = load_mission(write_mission(tmp_path / "present", steps, robot=CIA402)).robot
     mission = described(write_mission(tmp_path / "described", steps, robot=CIA402), traction, {})
     world = WatchedWorld(present) if "vendor_id" in traction else None
-    seen = Rig(mission, world=world).run()
+    rig = Rig(mission, world=world)
+
+    def stay() -> None:
+        assert rig.world is not None
+        for node in rig.world.nodes:
+            node.poke(0x1029, 1, 1)
+
+    seen = rig.at(0.0, stay).run()
     assert seen.status == 1
     assert told in seen.faults[0].text
 

@@ -273,6 +273,26 @@ def steered_by_cia402(tmp_path: Path, source: dict[str, object], **more: object)
     return file
 
 
+@pytest.mark.parametrize("code", [1, 3])
+@pytest.mark.parametrize("value", [0, 1, 2])
+def test_a_lost_heartbeat_is_a_fault_or_ends_the_exchange_of_process_data(
+    code: int, value: int, tmp_path: Path
+) -> None:
+    """Else every start would end in COM-30."""
+    settings = [{"index": 0x1029, "subindex": 1, "type": "u8", "value": value}]
+    more = {"settings": settings, "option_codes": {"abort_connection": code}}
+    file = steered_by_cia402(tmp_path, {"angle": "by_hand"}, **more)
+    if code == 1 or value == 0:
+        load_model(file, RobotFile)
+        return
+    with pytest.raises(ConfigError) as refused:
+        load_model(file, RobotFile)
+    (problem,) = refused.value.problems
+    assert "drives.steering.cia402.settings[0].value: " in problem
+    assert f"with {value} the drive does not leave Operational" in problem
+    assert problem.endswith("write 0 here, or `abort_connection: 1`")
+
+
 ABSOLUTE = {"angle": "absolute_encoder", "bits": 14, "mirrored": False, "zero_deg": 3.0}
 POTENTIOMETERS = {"zero_v": [2.5, 2.5], "slope_deg_per_v": [72.0, -72.0]}
 SWITCH = {"angle": "home_switch", "switch_deg": 5.0, "on_side": "right"}

@@ -142,6 +142,18 @@ def test_a_slow_bus_is_not_filled_and_a_mission_s_own_frequency_holds(tmp_path: 
         assert made.mission.tick_hz == expected
 
 
+@pytest.mark.parametrize(("bitrate", "tick_hz"), [(1_000_000, 200), (800_000, 125), (500_000, 100), (250_000, 50)])
+def test_a_trial_has_ticks_of_whole_milliseconds(bitrate: int, tick_hz: int, tmp_path: Path) -> None:
+    """Drives that interpolate take no other."""
+    path = mission(tmp_path)
+    robot = tmp_path / "robots" / "artemis.yaml"
+    robot.write_bytes(ROBOT.with_name("artemis_epos4.yaml").read_bytes() + b"bitrate: %d\n" % bitrate)
+    trial = Trial(drives=(LEFT,), role="steering", side="left", step=5.0, new=None)
+    (tmp_path / "made").mkdir()
+    made, _ = write_mission(load_mission(path), path, trial, tmp_path / "made")
+    assert made.mission.tick_hz == tick_hz
+
+
 def test_shows_what_differs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert calibrate_gains(mission(tmp_path), Wanted(gains={})) == 0
     lines = capsys.readouterr().out.splitlines()

@@ -21,7 +21,7 @@ from artemis.motion.potentiometers import encoder_angle
 from artemis.states.homing import AGAIN, AWAY, MEETINGS, SLOW, STRAIGHT, TRAVEL, _Held, find_angles
 from artemis.states.mode import Failed
 from artemis.states.plan import Plan, Shared
-from artemis.values import DriveFeedback, Job, JobKind, JobResult, Request, SetPoints, Snapshot, Wish
+from artemis.values import DriveFeedback, Event, Job, JobKind, JobResult, Request, SetPoints, Snapshot, Wish
 from artemis.vehicle import RobotFile
 
 ROBOTS = Path(__file__).parents[2] / "missions" / "robots"
@@ -386,9 +386,12 @@ def asked(car: Machine) -> list[Wish]:
 
 def test_a_person_who_is_not_there_ends_it() -> None:
     car = by_hand(attended=False)
-    id, device, text = car.refused()
-    assert (id, device) == ("CAL-01", "")
-    assert f"no answer from the operator: {STRAIGHT}" in text
+    with pytest.raises(AssertionError, match="no end within"):  # the mode machine ends it
+        car.find(longest=1.0)
+    wish, _ = car.wishes[0]
+    assert (wish.event, wish.failed, wish.fault) == (Event.END, True, None)
+    assert wish.phase == f"no operator can accept: {STRAIGHT}"
+    assert {(each.traction, each.steering) for each, _ in car.wishes} == {(Goal.DISABLED, Goal.DISABLED)}
     assert asked(car) == []
 
 
@@ -425,8 +428,8 @@ def test_a_person_has_exactly_ten_minutes() -> None:
     routine = find_angles(Shared(Plan(robot=by_hand().robot, steps=())), snapshot(5.0))
     assert next(routine).phase == STRAIGHT
     assert routine.send(snapshot(605.0)).phase == STRAIGHT
-    with pytest.raises(Failed):
-        routine.send(snapshot(605.01))
+    late = routine.send(snapshot(605.01))
+    assert (late.event, late.failed, late.fault and late.fault.id) == (Event.END, True, "OPR-03")
 
 
 # ------------------------------------------------------------------------------------------------------------ exactly

@@ -328,7 +328,7 @@ COMMUNICATION: dict[str, Row] = {
         S1,
         K,
         "does not watch the computer's heartbeat",
-        "firmware 0x2030 or later?",
+        "objects 0x1016, 0x6007, 0x1029; EPOS: firmware 0x2030 or later?",
         to_fault=True,
         within=0.0,
     ),

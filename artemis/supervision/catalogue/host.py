@@ -272,7 +272,7 @@ HOST: dict[str, Row] = {
         Found.MODE,
         S1,
         X,
-        "no operator acknowledged, armed or released the controls for ten minutes: the run ends",
+        "no operator acknowledged, armed, accepted or released the controls for ten minutes: the run ends",
         "",
         to_fault=True,
         within=600.0,
