@@ -74,8 +74,8 @@ def test_what_is_no_business_of_artemis_stays_in_an_epos4(tmp_path: Path) -> Non
     assert rig.run().status == 0
 
     drive = rig.drive("traction-left")
-    assert drive.read(*ENCODER_TYPE) & 0x0210 == 0x0210
-    assert drive.read(*STRUCTURE) & 0xF0 == OBSERVER
+    assert int(drive.read(*ENCODER_TYPE)) & 0x0210 == 0x0210
+    assert int(drive.read(*STRUCTURE)) & 0xF0 == OBSERVER
     assert drive.read(*POLARITY) == 0, "which way a wheel turns, `mirrored` says"
 
 
@@ -92,7 +92,7 @@ def test_gains_of_the_robot_file_bring_the_structure_that_they_are_for(
 
     assert rig.run().status == 0
 
-    assert rig.drive("traction-left").read(*STRUCTURE) & 0xF0 == structure
+    assert int(rig.drive("traction-left").read(*STRUCTURE)) & 0xF0 == structure
 
 
 @pytest.mark.parametrize(
@@ -107,7 +107,7 @@ def test_the_robot_file_may_say_that_an_encoder_counts_against_its_motor(
 
     assert rig.run().status == 0
 
-    assert rig.drive("steer-left").read(*place) & bit == (bit if inverted else 0)
+    assert int(rig.drive("steer-left").read(*place)) & bit == (bit if inverted else 0)
 
 
 def test_an_epos4_that_takes_each_set_point_at_once_drives_and_misses_none(tmp_path: Path) -> None:

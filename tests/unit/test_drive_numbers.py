@@ -63,7 +63,7 @@ def refused(folder: Path, robot: str, change: Callable[[Words], None]) -> list[s
 def test_the_finest_encoder_that_a_family_takes_is_accepted(tmp_path: Path, robot: str, role: str, counts: int) -> None:
     described = read(tmp_path, robot, lambda words: with_counts(words, counts, role))
     for name, drive in described.drives.items():
-        for object, value in settings(described, drive, PERIOD):
+        for object, value, _ in settings(described, drive, PERIOD):
             assert object.type.decode(object.type.encode(value)) == value
         if drive.role == role:
             assert quantities(described, drive, PERIOD)["counts"] == counts
