@@ -159,7 +159,7 @@ class Cia402(Config):
     reset_time_s: Annotated[float, Quantity(0.05, 30.0, "s")] = 2.0
     """A node that was reset answers again after it."""
     state_time_s: Annotated[float, Quantity(0.05, 30.0, "s")] = 1.5
-    """Longest wait for a device state."""
+    """Longest time for a change of state, and from being told to until it is enabled: above 1 s COM-03 waits for it."""
 
 
 OPTIONAL = (0x6065, 0x607D, 0x607F, 0x6083, 0x6084, 0x6085)

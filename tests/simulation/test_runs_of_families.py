@@ -12,6 +12,7 @@ from rig import CALIBRATE, EPOS2, MISSIONS, Rig, WatchedWorld, follow, write_mis
 from artemis.drive_states import DriveState, Nmt
 from artemis.errors import ConfigError
 from artemis.mission.loading import load_mission
+from artemis.sim.epos_settings import SimSettings
 from artemis.values import Mode, Request
 
 EPOS4, CIA402 = "artemis_epos4.yaml", "artemis_cia402.yaml"
@@ -228,6 +229,36 @@ def test_what_a_described_drive_does_not_do_is_refused_with_its_reason(
     seen = Rig(mission, world=world).run()
     assert seen.status == 1
     assert told in seen.faults[0].text
+
+
+SLOW = SimSettings(measure_s=2.0)
+"""Drives that look for their commutation, or open a brake, before they are enabled."""
+
+
+@pytest.mark.parametrize("allowed", [{"state_time_s": 5.0}, {}])
+def test_a_drive_that_enables_slowly_is_waited_for_as_long_as_the_robot_file_says(
+    tmp_path: Path, allowed: dict[str, object]
+) -> None:
+    """At the start, and again after a stop; nothing is to move before all drives are enabled."""
+    simulation = {"operator": [{"at_s": 24.0, "do": "arm"}]}
+    mission = write_mission(tmp_path, [CALIBRATE, follow(0.4)], robot=CIA402, simulation=simulation)
+    rig = Rig(described(mission, allowed, allowed), settings=SLOW)
+    rig.while_following(rig.request(Request.QUICKSTOP), name="stop")
+    seen = rig.run()
+    early = [
+        tick.time
+        for tick in seen.seen
+        if not all(drive.state is DriveState.OPERATION_ENABLE for drive in tick.tick.snapshot.sensed.drives)
+        and (tick.tick.set_points.speed_left or tick.tick.set_points.speed_right)
+        and tick.mode in (Mode.FOLLOW, Mode.READY)
+    ]
+    assert early == []
+    if allowed:
+        assert (seen.status, seen.fault_ids, seen.is_done) == (0, [], True)
+        assert ended_in_order(rig)
+    else:
+        assert seen.status == 1
+        assert {fault.id for fault in seen.faults} == {"COM-03"}
 
 
 ABSENT: dict[str, object] = {"absent": [0x6065, 0x607D, 0x607F, 0x6083, 0x6084, 0x6085]}
