@@ -11,7 +11,7 @@ from typing import TypeVar
 from artemis.devices.canopen import NmtCommand, SdoAbort, nmt_frame
 from artemis.devices.epos import EposDrive
 from artemis.devices.epos_identity import check_family, check_identity, held
-from artemis.devices.epos_objects import NOT_VALID, pdo_settings, quantities, settings, wrapped
+from artemis.devices.epos_objects import NOT_VALID, more_pdos, pdo_settings, quantities, settings, wrapped
 from artemis.devices.epos_state import Controlword
 from artemis.drive_states import POWERED, DriveState
 from artemis.errors import DeviceError, DeviceLost, DeviceRestarted, DeviceTimeout, NotKept, WrongDevice
@@ -212,9 +212,16 @@ class EposJobs:
         mode = self.drive.operating_mode
         if (shown := await self._settled(partial(self.read, MODE_DISPLAY), mode)) != mode:
             raise DeviceError(self.name, f"shows operating mode {shown}, not {mode}")
+        await self._write_pdos()
+
+    async def _write_pdos(self) -> None:
+        for cob_id in more_pdos(self.drive):
+            present = await held(self.read, cob_id)
+            if present is not None and not present & NOT_VALID:
+                await self._write_checked(Setting(cob_id, present | NOT_VALID))
         for pdo in pdo_settings(self._epos.robot, self.drive):
             if not await self._holds(pdo):
-                if not family.moves_valid_pdos:
+                if not self._family.moves_valid_pdos:
                     await self._switch_pdo_off(pdo[0].object)
                 for setting in pdo:
                     await self._write_checked(setting)
@@ -262,10 +269,10 @@ class EposJobs:
         return ()
 
     async def read_history(self) -> tuple[int, ...]:
-        """Error codes of object 0x1003, newest first."""
-        count = await self.read(ERROR_COUNT)
-        codes = [await self.read(Object(0x1003, number, U32)) for number in range(1, min(count, 5) + 1)]
-        return tuple(code & 0xFFFF for code in codes)
+        """Error codes of object 0x1003, newest first; none where a drive has none: CiA 301 leaves it to the maker."""
+        count = await held(self.read, ERROR_COUNT) or 0
+        codes = [await held(self.read, Object(0x1003, number, U32)) for number in range(1, min(count, 5) + 1)]
+        return tuple(code & 0xFFFF for code in codes if code is not None)
 
     async def _read_sto(self) -> tuple[int, ...]:
         """What its inputs for safe torque off show, where one is open."""
@@ -335,11 +342,12 @@ class EposJobs:
         if await self.read(setting.object) != setting.value:
             await self._write_checked(setting)
 
-    async def _holds(self, settings: list[Setting]) -> bool:
-        """Whether every object has the last of its values already."""
-        final = {setting.object: setting.value for setting in settings}
+    async def _holds(self, pdo: list[Setting]) -> bool:
+        """Whether every object of a PDO has the last of its values already; one to be off may not be there at all."""
+        final = {setting.object: setting.value for setting in pdo}
         for object, value in final.items():
-            if await self.read(object) != value:
+            found = await (held(self.read, object) if len(pdo) == 1 else self.read(object))
+            if found is not None and found != value:
                 return False
         return True
 

@@ -143,6 +143,8 @@ class Cia402(Config):
     """Both potentiometers of a steered wheel."""
     absolute_encoder: ObjectWords | None = None
     """Instead of them what an absolute encoder shows, counts of its turn: an object that can be mapped into a PDO."""
+    pdos: Annotated[int, Field(ge=2, le=512)] = 4
+    """So many process data objects it has each way: what artemis does not use of them is switched off."""
     option_codes: OptionCodes = OptionCodes()
     brake: bool = False
     """A brake closes by itself where the power is cut: only then may option codes cut it while the wheel turns."""
@@ -228,6 +230,7 @@ def family_from(words: Cia402) -> Family:
             TRACTION: ((STATUSWORD, POSITION, MODE_DISPLAY), (VELOCITY, *more)),
             STEERING: ((STATUSWORD, POSITION, MODE_DISPLAY), (*analog, *more) or (VELOCITY,)),
         },
+        pdos=words.pdos,
         velocity=VELOCITY,
         current=current,
         analog=analog,

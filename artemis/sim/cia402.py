@@ -34,7 +34,7 @@ from artemis.sim.epos_errors import (
 )
 from artemis.sim.epos_motion import Motion
 from artemis.sim.epos_parameters import ParameterMemory
-from artemis.sim.epos_pdo import COUNT, INVALID, judge_identifier
+from artemis.sim.epos_pdo import INVALID, judge_identifier, pdos_of
 from artemis.sim.epos_power import PowerStage
 
 COMMUNICATION = range(0x1000, 0x2000)
@@ -134,7 +134,7 @@ class SimCia402(SimEpos):
         """Tie the objects that belong to the node as a whole."""
         checks = self._dictionary.checks
         for parameters in (0x1400, 0x1800):
-            for number in range(COUNT):
+            for number in range(pdos_of(self._dictionary)):
                 key = key_of(parameters + number, 1)
                 checks[key] = partial(self._judge_identifier, key)
         self._describe_device()
