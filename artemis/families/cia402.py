@@ -105,6 +105,27 @@ class AnalogWords(ObjectWords):
     """What the object shows per volt at the input; the same of both inputs."""
 
 
+class SupplyWords(ObjectWords):
+    """The supply voltage, an object that is read by SDO."""
+
+    units_per_v: Scale
+    """What the object shows per volt."""
+
+
+class TemperatureWords(ObjectWords):
+    """The temperature of the power stage, an object that is read by SDO."""
+
+    units_per_degree: Scale
+    """What the object shows per degree Celsius."""
+
+
+class StoWords(ObjectWords):
+    """The inputs for safe torque off, an object that is read by SDO."""
+
+    closed: Annotated[int, Field(ge=1, le=0xFFFFFFFF)]
+    """Its bits that are all set while the inputs have their voltage."""
+
+
 class ErrorWords(Config):
     """An error code of the maker's own, and the row of the fault table that it means."""
 
@@ -145,6 +166,12 @@ class Cia402(Config):
     """Instead of them what an absolute encoder shows, counts of its turn: an object that can be mapped into a PDO."""
     pdos: Annotated[int, Field(ge=2, le=512)] = 4
     """So many process data objects it has each way: what artemis does not use of them is switched off."""
+    supply: SupplyWords | None = None
+    """The object that shows its supply voltage, such as 0x6079; if left out, it measures none."""
+    temperature: TemperatureWords | None = None
+    """The object that shows the temperature of its power stage; if left out, it measures none."""
+    sto: StoWords | None = None
+    """The object that shows why a drive stays off whose inputs for safe torque off are open."""
     option_codes: OptionCodes = OptionCodes()
     brake: bool = False
     """A brake closes by itself where the power is cut: only then may option codes cut it while the wheel turns."""
@@ -236,6 +263,11 @@ def family_from(words: Cia402) -> Family:
         analog=analog,
         absolute=words.absolute_encoder.object if words.absolute_encoder else None,
         inputs=DIGITAL_INPUTS,
+        supply=words.supply.object if words.supply else None,
+        supply_scale=words.supply.units_per_v if words.supply else 1.0,
+        temperature=words.temperature.object if words.temperature else None,
+        temperature_scale=words.temperature.units_per_degree if words.temperature else 1.0,
+        sto=Setting(words.sto.object, words.sto.closed) if words.sto else None,
         velocity_scale=words.velocity_units_per_rpm,
         acceleration_scale=words.acceleration_units_per_rpm_s,
         current_scale=words.current.units_per_a if words.current else 1.0,

@@ -52,8 +52,9 @@ def objects402(drive: Drive, words: Cia402) -> tuple[ObjectEntry, ...]:
     ]
     measured: list[ObjectWords] = [*(words.analog_inputs or ())]
     measured += [each for each in (words.current, words.absolute_encoder) if each is not None]
+    asked = [each for each in (words.supply, words.temperature, words.sto) if each is not None]
     known = {(entry.index, entry.sub): entry for entry in rows}
-    for marks, named in (("ro T", measured), ("rw", words.settings)):
+    for marks, named in (("ro T", measured), ("ro", asked), ("rw", words.settings)):
         for each in named:
             known.setdefault((each.index, each.subindex), row(each.index, each.subindex, _type(each), marks))
     return with_counts(list(known.values()))
