@@ -92,7 +92,7 @@ class SettingWords(ObjectWords):
 
 
 class CurrentWords(ObjectWords):
-    """The motor current, an object that can be mapped into a PDO."""
+    """The motor current with its sign, an object of type i8 to i32 that can be mapped into a PDO."""
 
     units_per_a: Scale
     """What the object shows per ampere."""

@@ -313,6 +313,11 @@ SETTING = {"index": 0x2200, "subindex": 0, "type": "u8", "value": 1}
             ("analog_inputs", 1, "units_per_v"),
             "expected 1000, as of the first one",
         ),
+        (
+            {"current": {"index": 0x6078, "type": "u16", "units_per_a": 1000.0}},
+            ("current", "type"),
+            "u16 has no sign: a motor that feeds back would look like one that takes current",
+        ),
     ],
 )
 def test_what_a_description_must_not_say_is_named(
