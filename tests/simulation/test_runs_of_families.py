@@ -282,6 +282,15 @@ def test_a_drive_that_lacks_more_than_the_robot_file_says_is_refused(tmp_path: P
     assert "0x6065:0" in seen.faults[0].text
 
 
+def test_one_driven_wheel_without_power_stops_a_robot_at_once_however_slowly_its_drives_enable(tmp_path: Path) -> None:
+    fault = {"at_s": 8.0, "inject": "RUN-06", "node": "traction-left"}
+    mission = write_mission(tmp_path, [CALIBRATE, follow(0.4)], robot=CIA402, simulation={"faults": [fault]})
+    seen = Rig(described(mission, {"state_time_s": 5.0}, {"state_time_s": 5.0})).run()
+    assert seen.fault_ids[0] in ("RUN-06", "COM-02")
+    stopped = next(tick for tick in seen.seen if tick.mode is Mode.FAULT)
+    assert stopped.time == pytest.approx(8.0, abs=0.1)
+
+
 @pytest.mark.parametrize(("present", "told"), [(2, None), (2, 2), (8, 8), (8, None)])
 def test_drives_with_any_number_of_process_data_objects_are_driven(
     tmp_path: Path, present: int, told: int | None
