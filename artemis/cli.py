@@ -16,6 +16,7 @@ import typer
 
 from artemis.commands.calibrate import MissionFile, calibrate
 from artemis.commands.completion import rows
+from artemis.commands.init_options import init
 from artemis.commands.map import maps
 from artemis.commands.page_options import PageAddress, PagePort, PageTls, page
 from artemis.commands.path import paths
@@ -116,16 +117,7 @@ def check(
         raise ConfigError(list(dict.fromkeys(problems)))  # two missions may name one broken robot
 
 
-@app.command()
-def init(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder to write to, created if missing.")] = Path(),
-    yes: Annotated[bool, typer.Option("--yes", help="Use the numbers of ARTEMIS without asking.")] = False,
-    force: Annotated[bool, typer.Option("--force", help="Replace existing files.")] = False,
-) -> None:
-    """Ask for the numbers of a machine, and write its robot file and a first mission for simulated drives."""
-    from artemis.commands.init import begin
-
-    begin(folder, ask=not yes, force=force)
+app.command()(init)
 
 
 @app.command()

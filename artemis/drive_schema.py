@@ -271,6 +271,9 @@ def _profile(drive: Drive) -> Iterator[tuple[KeyPath, str]]:
     if (words.operating_mode == 8) != (drive.role == "steering"):
         fits = "8" if drive.role == "steering" else "3 or 9"
         yield ("cia402", "operating_mode"), f"expected {fits} for {drive.role}, found {words.operating_mode}"
+    if words.current is not None and words.current.type.startswith("u"):
+        text = f"{words.current.type} has no sign: a motor that feeds back would look like one that takes current; "
+        yield ("cia402", "current", "type"), text + "name an object of type i8, i16 or i32, or leave `current` out"
     if words.analog_inputs is not None:
         first, second = [each.units_per_v for each in words.analog_inputs]
         if first != second:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 from shlex import quote
@@ -16,7 +16,7 @@ from typing import TextIO
 import numpy as np
 
 from artemis.commands.path_files import write_files
-from artemis.errors import ConfigError
+from artemis.errors import ConfigError, similar
 from artemis.mission.json_schema import mission_schema, robot_schema
 from artemis.mission.loading import load_mission
 from artemis.vehicle import RobotFile
@@ -40,6 +40,7 @@ class Question:
     default: float | str
     least: float = 0.0
     most: float = math.inf
+    choices: tuple[str, ...] = ()
 
     def value(self, answer: str) -> float | str:
         """What an answer means; nothing: the default.
@@ -50,6 +51,8 @@ class Question:
         if not (answer := answer.strip()):
             return self.default
         if isinstance(self.default, str):
+            if self.choices and answer not in self.choices:
+                raise ValueError(f"one of these: {similar(answer, self.choices)}")
             if not answer.isprintable():
                 raise ValueError("a name of printable characters")
             return answer
@@ -62,33 +65,63 @@ class Question:
         return number
 
 
+LIKE = {
+    "artemis": ("artemis.yaml", "two front wheels, each steered and driven by a motor of its own; EPOS"),
+    "epos4": ("artemis_epos4.yaml", "the same with EPOS4"),
+    "cia402": ("artemis_cia402.yaml", "the same with drives of another maker (CiA 402)"),
+    "rear-driven": (
+        "rear_driven.yaml",
+        "a motor at each rear wheel, one for the front wheels by a measured linkage; EPOS",
+    ),
+    "tricycle": ("tricycle.yaml", "one front wheel, steered and driven, and two rear wheels; EPOS"),
+    "small-car": ("small_car.yaml", "one motor for the rear wheels, one for the front wheels by a linkage; EPOS"),
+}
+"""Robots to begin with: file in `artemis/testing`, and what they are."""
+USUAL = "artemis"
+
 QUESTIONS = (
     Question("name", "Name of the robot", "", "ARTEMIS"),
     Question("wheelbase", "Wheelbase: front axle to rear axle", "m", 0.56, 0.1, 10),
-    Question("track", "Track: between the contact points of the front wheels", "m", 0.436, 0.1, 5),
+    Question(
+        "track", "Track: between the contact points of the front wheels (tricycle: the rear wheels)", "m", 0.436, 0.1, 5
+    ),
     Question("scrub", "Scrub radius: kingpin to contact point, outwards", "m", 0.0625, 0, 1),
     Question("diameter", "Diameter of the driven wheels", "m", 0.24381, 0.02, 2),
     Question("traction_gear", "Motor turns per turn of a driven wheel", "", 50, 1, 10000),
-    Question("steering_gear", "Motor turns per turn of a steered wheel about its kingpin", "", 946, 1, 10000),
+    Question(
+        "steering_gear",
+        "Motor turns per turn of a steered wheel about its kingpin, or of the shaft at a linkage",
+        "",
+        946,
+        1,
+        10000,
+    ),
     Question("steering", "Largest steering angle of the virtual front wheel", "deg", 60, 5, 79),
     Question("speed", "Highest speed", "m/s", 0.7, 0.05, 5),
 )
 
 
-def begin(folder: Path, *, ask: bool, force: bool) -> None:
+def begin(folder: Path, *, ask: bool, force: bool, like: str | None = None) -> None:
     """Write `folder` with robot, mission `first.yaml`, its path and test, and both schemas, once `run` would take them.
 
     Args:
         folder: Made if it is not there.
-        ask: Ask at the terminal; otherwise every answer is the default, the machine ARTEMIS.
+        ask: Ask at the terminal; otherwise every answer is the default, the machine that it is `like`.
         force: Replace files that are there.
+        like: The robot to begin with, of `LIKE`; None: that is asked, too.
 
     Raises:
-        ConfigError: files are there already or cannot be written, the input ended before the last answer, or the
-            answers contradict each other.
+        ConfigError: files are there already or cannot be written, the input ended before the last answer, the
+            answers contradict each other, or there is no robot of this name.
     """
-    answers = {each.key: _answer(each, sys.stdin) if ask else each.default for each in QUESTIONS}
-    made = texts(answers)
+    if like is None:
+        like = _nearest_robot(sys.stdin) if ask else USUAL
+    elif like not in LIKE:
+        raise ConfigError(f"--like {like}: no such robot; {similar(like, LIKE)}")
+    template = (files("artemis") / "testing" / LIKE[like][0]).read_bytes()
+    machine = RobotFile.model_validate(survey(template, LIKE[like][0])[0].data)
+    answers = {each.key: _answer(each, sys.stdin) if ask else each.default for each in questions(machine)}
+    made = texts(answers, template, machine)
     with TemporaryDirectory() as trial:
         _write(Path(trial), made, force=False)
         try:
@@ -104,7 +137,8 @@ def begin(folder: Path, *, ask: bool, force: bool) -> None:
         f"\n{folder}: made. Next:\n"
         f"  artemis run {mission}    # now, against simulated drives\n"
         f"  artemis doctor --mission {mission}    # what is missing on this computer\n"
-        "Motors, gains, currents, potentiometers and node ids in robots/robot.yaml are still those of ARTEMIS:\n"
+        "Motors, gains, currents, sensors of the steering and node ids in robots/robot.yaml are still those of "
+        f"{machine.robot}:\n"
         f"{GUIDE} says where each number comes from, and how the first power-up goes.\n"
     )
 
@@ -121,16 +155,45 @@ def _write(folder: Path, texts: Mapping[str, str], *, force: bool) -> None:
     write_files(made, force)
 
 
-def texts(answers: Mapping[str, float | str]) -> dict[str, str]:
-    """The files by their names in the folder; `answers` to all `QUESTIONS`, by key."""
-    template = (files("artemis") / "testing/artemis.yaml").read_bytes()
+def questions(machine: RobotFile) -> Iterator[Question]:
+    """`QUESTIONS`, of which the defaults are this machine's."""
+    traction = machine.drive_at("traction", "left")[1]
+    steering = machine.drive_at("steering", "left")[1]
+    around = machine.metres_per_count("left") * traction.sensor.counts_per_turn * traction.gear_ratio
+    numbers = {
+        "wheelbase": machine.geometry.wheelbase_m,
+        "track": machine.geometry.track_m,
+        "scrub": machine.geometry.scrub_radius_m,
+        "diameter": round(around / math.pi, 5),
+        "traction_gear": traction.gear_ratio,
+        "steering_gear": steering.gear_ratio,
+        "steering": machine.limits.steering_deg,
+        "speed": machine.limits.speed_m_s,
+    }
+    for each in QUESTIONS:
+        number = numbers.get(each.key)
+        default = machine.robot if number is None else int(number) if number == int(number) else number
+        yield replace(each, default=default)
+
+
+def texts(answers: Mapping[str, float | str], template: bytes, machine: RobotFile) -> dict[str, str]:
+    """The files by their names in the folder; `answers` to all `QUESTIONS`, by key.
+
+    The robot file is `template`, that of `machine`, with what was answered.
+    """
     numbers = {key: value for key, value in answers.items() if isinstance(value, float | int)}
-    machine = RobotFile.model_validate(survey(template, "artemis.yaml")[0].data)
     robot = edited(template, "robots/robot.yaml", _changes(str(answers["name"]), numbers, machine)).decode()
     robot = _without_stale_comments(robot, template.decode())
     return {
-        "robots/robot.yaml": _with_schema(robot, "../robot.schema.json", ROBOT_HEAD),
-        "first.yaml": _with_schema(MISSION.format(speed=min(0.3, 0.5 * numbers["speed"])), "mission.schema.json", ""),
+        "robots/robot.yaml": _with_schema(robot, "../robot.schema.json", ROBOT_HEAD.format(robot=machine.robot)),
+        "first.yaml": _with_schema(
+            MISSION.format(
+                speed=min(0.3, 0.5 * numbers["speed"]),
+                source="from_potentiometers" if machine.has_potentiometers else "align",
+            ),
+            "mission.schema.json",
+            "",
+        ),
         "test_first.py": TEST,
         "paths/first.csv": _figure_eight(_radius(numbers)),
         "mission.schema.json": json.dumps(mission_schema(), indent=1) + "\n",
@@ -141,18 +204,18 @@ def texts(answers: Mapping[str, float | str]) -> dict[str, str]:
 GUIDE = "the commissioning guide (docs/commissioning.md in the sources of artemis)"
 """A wheel does not contain it."""
 ROBOT_HEAD = f"""\
-# Written by `artemis init`. What was asked for is this machine's; the rest is that of the robot ARTEMIS, so that it
+# Written by `artemis init`. What was asked for is this machine's; the rest is that of the robot {{robot}}, so that it
 # runs simulated at once. Before the first power-up of a real machine go through every line, with
 # {GUIDE}.
 """
 MISSION = """\
-# Align the wheels from their potentiometers, then one lap of a figure eight, on simulated drives.
+# Align the wheels, then one lap of a figure eight, on simulated drives.
 # On the robot: bus: {{interface: socketcan, channel: can0}}, or what `artemis devices` shows.
 mission: first
 robot: robots/robot.yaml
 bus: simulation
 steps:
-  - calibrate: {{steering: from_potentiometers}}
+  - calibrate: {{steering: {source}}}
   - follow: {{path: paths/first.csv, follower: {{plugin: frenet, speed_m_s: {speed:g}}}, laps: 1}}
 """
 TEST = '''\
@@ -189,8 +252,8 @@ def _changes(name: str, numbers: Mapping[str, float], machine: RobotFile) -> dic
         ("limits", "wheel_speed_m_s"): wheel_speed,
         ("limits", "steering_deg"): numbers["steering"],
     }
-    for side in ("left", "right"):
-        (drive, traction), (steer, steering) = machine.drive_at("traction", side), machine.drive_at("steering", side)
+    for side in machine.sides("traction"):
+        drive, traction = machine.drive_at("traction", side)
         fastest = traction.motor.max_speed_rpm / 60 / numbers["traction_gear"] * around
         if wheel_speed > fastest:
             gear, rpm = numbers["traction_gear"], traction.motor.max_speed_rpm
@@ -201,6 +264,8 @@ def _changes(name: str, numbers: Mapping[str, float], machine: RobotFile) -> dic
         counts = traction.sensor.counts_per_turn * numbers["traction_gear"]
         changes["calibration", "traction", f"{side}_m_per_count"] = float(f"{around / counts:.7e}")
         changes["drives", drive, "gear_ratio"] = numbers["traction_gear"]
+    for side in machine.sides("steering"):
+        steer, steering = machine.drive_at("steering", side)
         changes["drives", steer, "gear_ratio"] = numbers["steering_gear"]
         turned = round(steering.lag_counts * numbers["steering_gear"] / steering.gear_ratio)
         changes["drives", steer, "following_error_counts"] = max(turned, 1)
@@ -210,9 +275,9 @@ def _changes(name: str, numbers: Mapping[str, float], machine: RobotFile) -> dic
 
 
 def _without_stale_comments(text: str, template: str) -> str:
-    """Without the head, which is about ARTEMIS, and without comments beside what was changed."""
+    """Without the head, which is about another machine, and without comments beside what was changed."""
     kept = set(template.splitlines())
-    lines = text[text.index("robot:") :].splitlines()
+    lines = text[text.index("\nrobot:") + 1 :].splitlines()
     return "\n".join(line if line in kept else line.partition(" #")[0].rstrip() for line in lines) + "\n"
 
 
@@ -241,6 +306,13 @@ def _figure_eight(radius: float) -> str:
     return (
         f"# A figure eight, closed; the tightest curve has {radius:.2f} m. Written by `artemis init`.\nx_m,y_m\n{rows}"
     )
+
+
+def _nearest_robot(source: TextIO) -> str:
+    """The robot to begin with, as it was answered."""
+    width = max(map(len, LIKE))
+    sys.stdout.write("".join(f"  {name:{width}}  {words}\n" for name, (_, words) in LIKE.items()))
+    return str(_answer(Question("like", "Which of these is nearest", "", USUAL, choices=tuple(LIKE)), source))
 
 
 def _answer(question: Question, source: TextIO) -> float | str:

@@ -12,7 +12,8 @@ from artemis.families.family import MAXON
 from artemis.families.objects import PRODUCT, SERIAL_NUMBER, VENDOR, Object
 
 NO_SUCH_OBJECT = 0x06020000
-"""SDO abort code (CiA 301 7.2.4.3.17)."""
+ABSENT = (NO_SUCH_OBJECT, 0x06090011)
+"""SDO abort codes: no such object, no such subindex (CiA 301 7.2.4.3.17)."""
 
 Read = Callable[[Object], Awaitable[int]]
 """Reads an object of a drive. Raises DeviceError: it is silent, or refuses."""
@@ -23,7 +24,7 @@ async def held(read: Read, object: Object) -> int | None:
     try:
         return await read(object)
     except SdoAbort as refused:
-        if refused.code == NO_SUCH_OBJECT:
+        if refused.code in ABSENT:
             return None
         raise
 

@@ -11,7 +11,7 @@ from typing import TypeVar
 from artemis.devices.canopen import NmtCommand, SdoAbort, nmt_frame
 from artemis.devices.epos import EposDrive
 from artemis.devices.epos_identity import check_family, check_identity, held
-from artemis.devices.epos_objects import NOT_VALID, pdo_settings, quantities, settings, wrapped
+from artemis.devices.epos_objects import NOT_VALID, more_pdos, pdo_settings, quantities, settings, wrapped
 from artemis.devices.epos_state import Controlword
 from artemis.drive_numbers import LIMIT_MARGIN_DEG
 from artemis.drive_states import POWERED, DriveState
@@ -207,12 +207,7 @@ class EposJobs:
         for option in family.option_codes:
             await self._ensure_option(option)
         await self._check_configured()
-        for pdo in pdo_settings(self._epos.robot, self.drive):
-            if not await self._holds(pdo):
-                if not family.moves_valid_pdos:
-                    await self._switch_pdo_off(pdo[0].object)
-                for setting in pdo:
-                    await self._write_checked(setting)
+        await self._write_pdos()
 
     async def _check_configured(self) -> None:
         """What follows from the settings, or must not be there, is as it has to be."""
@@ -228,6 +223,16 @@ class EposJobs:
         if (shown := await self._settled(partial(self.read, MODE_DISPLAY), mode)) != mode:
             raise DeviceError(self.name, f"shows operating mode {shown}, not {mode}")
 
+    async def _write_pdos(self) -> None:
+        for cob_id in more_pdos(self.drive):
+            await self._switch_pdo_off(cob_id)
+        for pdo in pdo_settings(self._epos.robot, self.drive):
+            if not await self._holds(pdo):
+                if not self._family.moves_valid_pdos:
+                    await self._switch_pdo_off(pdo[0].object)
+                for setting in pdo:
+                    await self._write_checked(setting)
+
     async def _ensure_option(self, option: OptionCode) -> None:
         try:
             await self._ensure(option.setting)
@@ -236,10 +241,10 @@ class EposJobs:
             raise NotKept(self.name, f"does not take the option code {wanted}: {error.problem}") from error
 
     async def _switch_pdo_off(self, cob_id: Object) -> None:
-        """With the identifier that it has: another one is refused while the PDO is valid."""
-        present = await self.read(cob_id)
-        if not present & NOT_VALID:
-            await self.write(cob_id, present | NOT_VALID)
+        """With the identifier that it has: another one is refused while the PDO is valid. One that is not there is off."""
+        present = await held(self.read, cob_id)
+        if present is not None and not present & NOT_VALID:
+            await self._write_checked(Setting(cob_id, present | NOT_VALID))
 
     async def reference(self, angle: float) -> None:
         """The wheel stands at `angle` [rad]: count from here, and let the drive refuse what is out of reach."""
@@ -271,10 +276,10 @@ class EposJobs:
         return ()
 
     async def read_history(self) -> tuple[int, ...]:
-        """Error codes of object 0x1003, newest first."""
-        count = await self.read(ERROR_COUNT)
-        codes = [await self.read(Object(0x1003, number, U32)) for number in range(1, min(count, 5) + 1)]
-        return tuple(code & 0xFFFF for code in codes)
+        """Error codes of object 0x1003, newest first; none where a drive has none: CiA 301 leaves it to the maker."""
+        count = await held(self.read, ERROR_COUNT) or 0
+        codes = [await held(self.read, Object(0x1003, number, U32)) for number in range(1, min(count, 5) + 1)]
+        return tuple(code & 0xFFFF for code in codes if code is not None)
 
     async def _read_sto(self) -> tuple[int, ...]:
         """What its inputs for safe torque off show, where one is open."""
@@ -345,11 +350,12 @@ class EposJobs:
         if (wanted := setting.over(present)) != present:
             await self._write_checked(Setting(setting.object, wanted))
 
-    async def _holds(self, settings: list[Setting]) -> bool:
-        """Whether every object has the last of its values already."""
-        final = {setting.object: setting.value for setting in settings}
+    async def _holds(self, pdo: list[Setting]) -> bool:
+        """Whether every object of a PDO has the last of its values already; one to be off may not be there at all."""
+        final = {setting.object: setting.value for setting in pdo}
         for object, value in final.items():
-            if await self.read(object) != value:
+            found = await (held(self.read, object) if len(pdo) == 1 else self.read(object))
+            if found is not None and found != value:
                 return False
         return True
 

@@ -24,6 +24,8 @@ HOST_WATCH_MS = 200
 NODE_HEARTBEAT_MS = 100
 NOT_VALID = 0x80000000
 """Bit of a PDO's COB-ID: the PDO is switched off."""
+FIRST_PDOS = 4
+"""So many each way have identifiers by default."""
 _NO_RTR = 0x40000000
 _ON_SYNC, _AT_ONCE = 1, 255
 
@@ -145,16 +147,24 @@ def settings(robot: RobotFile, drive: Drive, period: float) -> Iterator[Setting]
 
 
 def pdo_settings(robot: RobotFile, drive: Drive) -> Iterator[list[Setting]]:
-    """The PDOs one by one, each switched off while its mapping changes (14.20 to 14.31; only in Pre-Operational)."""
+    """The first PDOs one by one, switched off while their mapping changes (14.20 to 14.31; only in Pre-Operational)."""
     received, sent = drive.tables.received[drive.role], robot.sent(drive)
-    for number in range(4):
+    first = range(min(FIRST_PDOS, drive.tables.pdos))
+    for number in first:
         mapped = received[number] if number < len(received) else ()
         kind = _ON_SYNC if number == 0 else _AT_ONCE
         yield list(_pdo(0x1400 + number, 0x1600 + number, RXPDO[number] + drive.node_id, mapped, kind))
-    for number in range(4):
+    for number in first:
         mapped = sent[number] if number < len(sent) else ()
         cob_id = _NO_RTR | TXPDO[number] + drive.node_id
         yield list(_pdo(0x1800 + number, 0x1A00 + number, cob_id, mapped, _ON_SYNC))
+
+
+def more_pdos(drive: Drive) -> Iterator[Object]:
+    """COB-IDs of the PDOs that have no identifiers by default (CiA 301, 7.3.3): they are switched off as they are."""
+    for communication in (0x1400, 0x1800):
+        for number in range(FIRST_PDOS, drive.tables.pdos):
+            yield Object(communication + number, 1, U32)
 
 
 def _pdo(communication: int, mapping: int, cob_id: int, mapped: tuple[Object, ...], kind: int) -> Iterator[Setting]:

@@ -9,6 +9,7 @@ from artemis.devices.bus_gateway import BusGateway
 from artemis.devices.canopen import SdoAbort
 from artemis.devices.device import Work
 from artemis.devices.epos import EposDrive
+from artemis.devices.epos_identity import ABSENT
 from artemis.errors import DeviceError
 from artemis.values import Mode
 
@@ -18,9 +19,6 @@ VALID = 30.0
 """A reading counts for so long [s]."""
 HEARD = 0.1
 """A drive whose newest status is older than this is not asked [s]: nothing may be before what stops it."""
-
-_ABSENT = (0x0602_0000, 0x0609_0011)
-"""Codes of aborts: no such object, no such subindex (CiA 301, 7.2.4.3.17)."""
 
 
 def temperature_readers(nodes: Sequence[EposDrive], wire: BusGateway) -> list[Work]:
@@ -47,7 +45,7 @@ async def _read(asked: list[EposDrive], wire: BusGateway) -> None:
                 data = await node.sdo.read(object.index, object.subindex, object.type.size)
                 value = int(object.type.decode(data))
             except DeviceError as error:
-                if isinstance(error, SdoAbort) and error.code in _ABSENT:
+                if isinstance(error, SdoAbort) and error.code in ABSENT:
                     asked.remove(node)
             else:
                 node.temperature = value / node.family.temperature_scale, loop.time() + VALID

@@ -93,7 +93,7 @@ class SettingWords(ObjectWords):
 
 
 class CurrentWords(ObjectWords):
-    """The motor current, an object that can be mapped into a PDO."""
+    """The motor current with its sign, an object of type i8 to i32 that can be mapped into a PDO."""
 
     units_per_a: Scale
     """What the object shows per ampere."""
@@ -109,6 +109,27 @@ class AnalogWords(ObjectWords):
     def highest(self) -> float:
         """Largest voltage that the object can show [V]."""
         return float((1 << 8 * self.object.type.size - self.type.startswith("i")) - 1) / self.units_per_v
+
+
+class SupplyWords(ObjectWords):
+    """The supply voltage, an object that is read by SDO."""
+
+    units_per_v: Scale
+    """What the object shows per volt."""
+
+
+class TemperatureWords(ObjectWords):
+    """The temperature of the power stage, an object that is read by SDO."""
+
+    units_per_degree: Scale
+    """What the object shows per degree Celsius."""
+
+
+class StoWords(ObjectWords):
+    """The inputs for safe torque off, an object that is read by SDO."""
+
+    closed: Annotated[int, Field(ge=1, le=0xFFFFFFFF)]
+    """Its bits that are all set while the inputs have their voltage."""
 
 
 class ErrorWords(Config):
@@ -149,6 +170,14 @@ class Cia402(Config):
     """Both potentiometers of a steered wheel."""
     absolute_encoder: ObjectWords | None = None
     """Instead of them what an absolute encoder shows, counts of its turn: an object that can be mapped into a PDO."""
+    pdos: Annotated[int, Field(ge=2, le=512)] = 4
+    """So many process data objects it has each way: what artemis does not use of them is switched off."""
+    supply: SupplyWords | None = None
+    """The object that shows its supply voltage, such as 0x6079; if left out, it measures none."""
+    temperature: TemperatureWords | None = None
+    """The object that shows the temperature of its power stage; if left out, it measures none."""
+    sto: StoWords | None = None
+    """The object that shows why a drive stays off whose inputs for safe torque off are open."""
     option_codes: OptionCodes = OptionCodes()
     brake: bool = False
     """A brake closes by itself where the power is cut: only then may option codes cut it while the wheel turns."""
@@ -165,7 +194,7 @@ class Cia402(Config):
     reset_time_s: Annotated[float, Quantity(0.05, 30.0, "s")] = 2.0
     """A node that was reset answers again after it."""
     state_time_s: Annotated[float, Quantity(0.05, 30.0, "s")] = 1.5
-    """Longest wait for a device state."""
+    """Longest time for a change of state, and from being told to until it is enabled: above 1 s COM-03 waits for it."""
 
 
 OPTIONAL = (0x6065, 0x607D, 0x607F, 0x6083, 0x6084, 0x6085)
@@ -236,11 +265,17 @@ def family_from(words: Cia402) -> Family:
             TRACTION: ((STATUSWORD, POSITION, MODE_DISPLAY), (VELOCITY, *more)),
             STEERING: ((STATUSWORD, POSITION, MODE_DISPLAY), (*analog, *more) or (VELOCITY,)),
         },
+        pdos=words.pdos,
         velocity=VELOCITY,
         current=current,
         analog=analog,
         absolute=words.absolute_encoder.object if words.absolute_encoder else None,
         inputs=DIGITAL_INPUTS,
+        supply=words.supply.object if words.supply else None,
+        supply_scale=words.supply.units_per_v if words.supply else 1.0,
+        temperature=words.temperature.object if words.temperature else None,
+        temperature_scale=words.temperature.units_per_degree if words.temperature else 1.0,
+        sto=Setting(words.sto.object, words.sto.closed) if words.sto else None,
         velocity_scale=words.velocity_units_per_rpm,
         acceleration_scale=words.acceleration_units_per_rpm_s,
         current_scale=words.current.units_per_a if words.current else 1.0,

@@ -97,6 +97,8 @@ class Family:
     """RxPDO 1 (taken over at SYNC) and 2 (at once: stop frames); 3 and 4 are switched off."""
     sent: Mapping[str, tuple[tuple[Object, ...], ...]]
     """TxPDO 1 (statusword, position, perhaps the mode) and 2, both sampled at SYNC; 3 and 4 are switched off."""
+    pdos: int = 4
+    """So many it has each way."""
     velocity: Object
     current: Object | None
     analog: tuple[Object, ...]

@@ -34,13 +34,15 @@ from artemis.sim.epos_errors import (
 )
 from artemis.sim.epos_motion import Motion
 from artemis.sim.epos_parameters import ParameterMemory
-from artemis.sim.epos_pdo import COUNT, INVALID, judge_identifier
+from artemis.sim.epos_pdo import INVALID, judge_identifier, pdos_of
 from artemis.sim.epos_power import PowerStage
 
 COMMUNICATION = range(0x1000, 0x2000)
 """What a communication reset loads again."""
 BUS_OFF = 0x81FD
 """Error code of maxon's drives."""
+AMBIENT = 25.0
+"""Of its power stage [°C]: how it warms up is not simulated, nor are open inputs for safe torque off."""
 LEAVES_FOR = {0: Nmt.PRE_OPERATIONAL, 2: Nmt.STOPPED}
 """NMT state after a communication error, by the value of 0x1029:1; 1 changes none (CiA 301)."""
 _OFF, _FAULT = Reaction.POWER_OFF, Reaction.FAULT_OPTION
@@ -107,6 +109,15 @@ class SimCia402(SimEpos):
         if words.absolute_encoder is not None:
             encoder = words.absolute_encoder
             self._show(encoder.index, encoder.subindex, lambda: float(axis.encoder[0] if axis.encoder else 0))
+        if words.supply is not None:
+            volt = words.supply.units_per_v
+            self._show(words.supply.index, words.supply.subindex, lambda: axis.supply_voltage * volt)
+        if words.temperature is not None:
+            shown = AMBIENT * words.temperature.units_per_degree
+            self._show(words.temperature.index, words.temperature.subindex, lambda: shown)
+        if words.sto is not None:
+            closed = float(words.sto.closed)
+            self._show(words.sto.index, words.sto.subindex, lambda: closed)
 
     def _volts(self, place: int, units_per_v: float) -> float:
         return self.axis.analog[place] * units_per_v
@@ -134,7 +145,7 @@ class SimCia402(SimEpos):
         """Tie the objects that belong to the node as a whole."""
         checks = self._dictionary.checks
         for parameters in (0x1400, 0x1800):
-            for number in range(COUNT):
+            for number in range(pdos_of(self._dictionary)):
                 key = key_of(parameters + number, 1)
                 checks[key] = partial(self._judge_identifier, key)
         self._describe_device()

@@ -1,4 +1,4 @@
-"""Process data of a simulated EPOS: four PDOs each way.
+"""Process data of a simulated EPOS: four PDOs each way; of another drive as many as it has objects for.
 
 Sources: CiA 301 7.2.2; EPOS firmware specification 2010, 14.12 to 14.31.
 Mappings are turned into packers when they change, so that a frame costs no search.
@@ -9,13 +9,13 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable, Collection
+from itertools import count
 
 from artemis.devices.can_bus import Frame
 from artemis.motion.totals import total
 from artemis.sim.dictionary import FORMATS, SIZES, AbortCode, AccessRefused, Dictionary, key_of
 from artemis.sim.epos_objects import TPDO_COB_IDS
 
-COUNT = 4
 INVALID, NO_RTR = 1 << 31, 1 << 30
 LOWEST_ID, HIGHEST_ID = 0x181, 0x57F
 SYNCHRONOUS, ON_REQUEST, ON_CHANGE = 1, 253, 255
@@ -79,6 +79,7 @@ class ProcessData:
         self, dictionary: Dictionary, *, pre_operational: Callable[[], bool], changed: Callable[[], None]
     ) -> None:
         self._dictionary = dictionary
+        self._count = pdos_of(dictionary)
         self._pre_operational = pre_operational
         self._changed = changed
         self.received: list[ReceivePdo] = []
@@ -91,8 +92,8 @@ class ProcessData:
 
     def start(self) -> None:
         """Build everything from the dictionary."""
-        self.received = [ReceivePdo(self._dictionary, number) for number in range(COUNT)]
-        self.transmitted = [TransmitPdo(self._dictionary, number) for number in range(COUNT)]
+        self.received = [ReceivePdo(self._dictionary, number) for number in range(self._count)]
+        self.transmitted = [TransmitPdo(self._dictionary, number) for number in range(self._count)]
         self._sort()
 
     def restart(self) -> None:
@@ -104,7 +105,7 @@ class ProcessData:
     def rebuild_transmitted(self) -> None:
         """Look up anew how each mapped object is read."""
         if self.transmitted:
-            self.transmitted = [TransmitPdo(self._dictionary, number) for number in range(COUNT)]
+            self.transmitted = [TransmitPdo(self._dictionary, number) for number in range(self._count)]
             self._sort_transmitted()
             self._changed()
 
@@ -140,7 +141,7 @@ class ProcessData:
 
     def restore_identifiers(self, node_id: int) -> None:
         """Object 0x1011:5: default COB-IDs into the dictionary, without effect before store and restart."""
-        for number in range(COUNT):
+        for number in range(min(self._count, len(TPDO_COB_IDS))):
             self._dictionary.values[key_of(0x1400 + number, 1)] = 0x200 + 0x100 * number + node_id
             self._dictionary.values[key_of(0x1800 + number, 1)] = TPDO_COB_IDS[number] + node_id
 
@@ -158,10 +159,10 @@ class ProcessData:
 
     def _watch_objects(self) -> None:
         checks, written = self._dictionary.checks, self._dictionary.written
-        for number in range(COUNT):
-            for parameters, mapping, count in ((0x1400, 0x1600, 2), (0x1800, 0x1A00, 3)):
+        for number in range(self._count):
+            for parameters, mapping, last in ((0x1400, 0x1600, 2), (0x1800, 0x1A00, 3)):
                 checks[key_of(parameters + number, 1)] = judge_identifier
-                for sub in range(1, count + 1):
+                for sub in range(1, last + 1):
                     written[key_of(parameters + number, sub)] = self._rebuilder(parameters, number)
                 for sub in range(self._dictionary.entries[key_of(mapping + number, 0)].maximum + 1):
                     key = key_of(mapping + number, sub)
@@ -223,6 +224,11 @@ def _take_effect(received: Collection[tuple[ReceivePdo, tuple[int, ...]]]) -> No
     for pdo, values in received:
         for at, write in pdo.commands:
             write(values[at])
+
+
+def pdos_of(dictionary: Dictionary) -> int:
+    """How many PDOs the drive has each way."""
+    return next(number for number in count() if key_of(0x1400 + number, 1) not in dictionary.entries)
 
 
 def judge_identifier(cob_id: int) -> None:

@@ -11,7 +11,17 @@ from msgspec.structs import replace
 from artemis.drive_states import POWERED, DriveState, Goal
 from artemis.motion.potentiometers import StepEdges, is_at_a_rail, wheel_angles
 from artemis.motion.totals import mean
-from artemis.states.mode import OFF, ON, STEERING_ON, Failed, Routine, finish_jobs, is_second
+from artemis.states.mode import (
+    HEARD,
+    OFF,
+    ON,
+    STEERING_ON,
+    Failed,
+    Routine,
+    change_time,
+    finish_jobs,
+    is_second,
+)
 from artemis.states.plan import Plan, Shared
 from artemis.supervision import catalogue
 from artemis.values import DriveCommand, DriveFeedback, Fault, Job, JobKind, Snapshot, Wish
@@ -40,7 +50,8 @@ LOOK_TIME = 0.1
 LATE = 0.5
 """A drive that is still off after so long [s] is asked for the reason, before it is late (COM-03)."""
 OFF_TIME, OFF_LIMIT = 0.2, 1.0
-"""Drives that stand are off within the first [s]; after the second [s] everything has been tried."""
+"""Drives that stand are off within the first [s]; after the second [s] everything has been tried, unless one that is
+heard is allowed more."""
 
 Readings = dict[str, tuple[float, float]]
 """Mean voltages of both potentiometers [V], by steering drive."""
@@ -137,10 +148,12 @@ def _ask_why(shared: Shared, wish: Wish, snapshot: Snapshot) -> Routine:
 def switch_off(shared: Shared, wish: Wish, snapshot: Snapshot) -> Routine:
     """Yield `wish`, which switches off, until no drive is on. An unresponsive one: by SDO, or by our silence."""
     begun, heartbeat = snapshot.time, wish.heartbeat
+    limit = change_time(shared.plan, OFF_LIMIT)
     halted: set[str] = set()
     snapshot = yield replace(wish, phase="switching off")
-    while (passed := snapshot.time - begun) < OFF_LIMIT:
-        on = [drive.name for drive in snapshot.sensed.drives if drive.state in POWERED]
+    while (passed := snapshot.time - begun) < limit:
+        powered = [drive for drive in snapshot.sensed.drives if drive.state in POWERED]
+        on = [drive.name for drive in powered if passed < OFF_LIMIT or (drive.age is not None and drive.age < HEARD)]
         if not on:
             break
         heartbeat = heartbeat and all(r.ok for r in snapshot.sensed.results if r.kind is JobKind.HALT)

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from artemis.drive_states import POWERED
 from artemis.motion.ackermann import Ackermann
 from artemis.states.alignment import do, enable
-from artemis.states.mode import OFF, STEERING_ON, Failed, Routine, finish_jobs
+from artemis.states.mode import OFF, STEERING_ON, Failed, Routine, change_time, finish_jobs
 from artemis.states.plan import BringUp, CalibrateStep, Plan, Shared
 from artemis.supervision import catalogue
 from artemis.values import DriveCommand, Fault, Job, JobKind, Snapshot, Wish
@@ -48,7 +48,7 @@ def try_gains(shared: Shared, step: GainsStep, snapshot: Snapshot) -> Routine:
     A wheel that turns also rolls about its kingpin: where traction is on, that is for a mode that drives.
     """
     off = replace(OFF, command=DriveCommand(steering=snapshot.set_points.steering))
-    snapshot = yield from _switch_off(off, shared.plan.drives(), snapshot)
+    snapshot = yield from _switch_off(shared.plan, off, shared.plan.drives(), snapshot)
     for name, numbers in step.gains.items():
         words = words_of(shared.plan.robot.drives[name].tables.told_gains(numbers))
         snapshot = yield replace(off, phase=f"gains of {name}: {words}")
@@ -90,7 +90,7 @@ def turn(shared: Shared, step: TurnStep, snapshot: Snapshot) -> Routine:
     car = Ackermann(plan.robot.geometry)
     target = car.steering_from_left(step.angle) if step.side == "left" else car.steering_from_right(step.angle)
     held = replace(STEERING_ON, command=DriveCommand(steering=snapshot.set_points.steering))
-    snapshot = yield from _switch_off(held, plan.drives("traction"), snapshot)
+    snapshot = yield from _switch_off(plan, held, plan.drives("traction"), snapshot)
     snapshot = yield from enable(shared, STEERING_ON, snapshot)
     swings = _swings(plan)
     for wanted, seconds, phase in ((0.0, REST, "at rest"), (target, WATCH, "turning"), (0.0, WATCH, "turning back")):
@@ -98,9 +98,9 @@ def turn(shared: Shared, step: TurnStep, snapshot: Snapshot) -> Routine:
     return snapshot
 
 
-def _switch_off(wish: Wish, names: Container[str], snapshot: Snapshot) -> Routine:
+def _switch_off(plan: Plan, wish: Wish, names: Container[str], snapshot: Snapshot) -> Routine:
     """Yield `wish` until these drives are off."""
-    latest = snapshot.time + OFF_TIME
+    latest = snapshot.time + change_time(plan, OFF_TIME)
     while on := [drive.name for drive in snapshot.sensed.drives if drive.name in names and drive.state in POWERED]:
         if snapshot.time > latest:
             raise Failed(OFF, catalogue.fault("COM-03", on[0], "stays on"))

@@ -18,6 +18,7 @@ from artemis.states.mode import (
     Routine,
     RoutineMode,
     at_rest,
+    change_time,
     failure,
     finish_jobs,
     give_up,
@@ -30,7 +31,7 @@ from artemis.supervision.measures import FAULT_STATES
 from artemis.values import RESETS, DriveFeedback, Event, JobKind, Request, Snapshot, Wish
 
 ANSWER_TIME = 1.5
-"""Longest time for a state to be reached that needs no motion [s]."""
+"""Longest time for a state to be reached that needs no motion [s], unless a drive is allowed more."""
 HEARTBEATS = 5
 """Ticks with our heartbeat before it is withheld: a drive begins to watch with the first it hears."""
 WATCH_TIME = 0.2
@@ -136,7 +137,7 @@ class InitMode(RoutineMode):
 
         Before `earliest` [s of the run] no drive may be in fault; none may restart.
         """
-        latest = snapshot.time + ANSWER_TIME
+        latest = snapshot.time + change_time(self.plan, ANSWER_TIME)
         while True:
             snapshot = yield wish
             if snapshot.time < earliest:

@@ -201,6 +201,11 @@ def come_to_rest(shared: Shared, wish: Wish, snapshot: Snapshot) -> Routine:
         snapshot = yield replace(told, jobs=jobs, heartbeat=stop.heartbeat)
 
 
+def change_time(plan: Plan, usual: float) -> float:
+    """Longest time for the drives to change their state [s]: the usual one, or what one of them is allowed."""
+    return max(usual, *(drive.tables.state_time for drive in plan.robot.drives.values()))
+
+
 UNRESPONSIVE = 0.1
 """A drive whose feedback is older than this [s], or still enabled so long after it was stopped, is unresponsive."""
 

@@ -15,7 +15,7 @@ from artemis.motion.steering_fit import Line, Pass, SteeringFit, fitted, lines_t
 from artemis.motion.totals import mean, total
 from artemis.states.alignment import READINGS, do, enable, steer
 from artemis.states.keeping import keep
-from artemis.states.mode import OFF, PATIENCE, STEERING_ON, Failed, Routine, feedback
+from artemis.states.mode import OFF, PATIENCE, STEERING_ON, Failed, Routine, change_time, feedback
 from artemis.states.plan import CalibrateStep, Plan, Shared
 from artemis.supervision import catalogue
 from artemis.values import DriveCommand, Fault, JobKind, Request, Severity, Snapshot, Wish
@@ -131,7 +131,7 @@ def _tell_zeros(shared: Shared, step: SteeringStep, straight: Mapping[str, float
 
 def _release(shared: Shared, snapshot: Snapshot) -> Routine:
     """Have the driven wheels let go: they shall roll as the steering turns them."""
-    latest = snapshot.time + RELEASE_TIME
+    latest = snapshot.time + change_time(shared.plan, RELEASE_TIME)
     while on := [name for name in shared.plan.drives("traction") if feedback(snapshot, name).state in POWERED]:
         if snapshot.time > latest:
             raise Failed(STEERING_ON, catalogue.fault("COM-03", on[0], "stays on"))

@@ -12,7 +12,7 @@ from math import inf
 from artemis.drive_states import DriveState, Goal, Nmt
 from artemis.motion.perception import stale_age
 from artemis.motion.totals import total
-from artemis.supervision.catalogue import POWER_LOST
+from artemis.supervision.catalogue import POWER_LOST, ROWS
 from artemis.values import DriveFeedback, OperatorInput, Sensed, Wish
 from artemis.vehicle import RobotFile
 
@@ -32,6 +32,8 @@ TOGETHER = 0.04
 """Drives that lose their power within this time [s] lost it for one reason."""
 PRODUCER = 0x700
 """Identifier of a heartbeat, less the node's (CiA 301 7.3.3)."""
+ROUNDING = 1e-6
+"""Ticks are so far from exact in floating point [s]; a hold of so many ticks takes just as many."""
 HAND = 1.2
 """No hand moves an axis (-1 to 1) this far between two reports."""
 
@@ -69,12 +71,18 @@ class DriveMeasures:
         self._slack = self._stale - stale_age(0.0)
         self._traction = {name for name, drive in robot.drives.items() if drive.role == "traction"}
         self._modes = {name: drive.operating_mode for name, drive in robot.drives.items()}
+        fixed = ROWS["COM-03"].stages[-1].hold
+        self._patience = {name: drive.tables.state_time - fixed for name, drive in robot.drives.items()}
+        """How much longer than the row says a drive may take to be enabled [s]."""
         self._enabled: set[str] = set()
+        self._asked: dict[str, float] = {}
+        """Since when drives are to be enabled [s]."""
         self._late = 0.0
 
     def forget(self) -> None:
         """Nothing is expected: the drives are being brought up or released."""
         self._enabled.clear()
+        self._asked.clear()
 
     def read(self, sensed: Sensed, last: Wish, explained: set[str]) -> list[Reading]:
         """Readings of all drives; a fault of one that is `explained` is no news."""
@@ -104,12 +112,12 @@ class DriveMeasures:
             if age < inf:
                 goal = last.traction if name in self._traction else last.steering
                 if goal is not _ENABLED or drive.state is not _ON or drive.mode != self._modes[name]:
-                    readings += self._state(drive, goal, explained)
+                    readings += self._state(drive, goal, explained, sensed.time)
                 else:
                     self._enabled.add(name)
         return readings
 
-    def _state(self, drive: DriveFeedback, goal: Goal, explained: set[str]) -> list[Reading]:
+    def _state(self, drive: DriveFeedback, goal: Goal, explained: set[str], now: float) -> list[Reading]:
         """It is a known one, and without a fault; a drive that is to be enabled gets there in time, and stays."""
         readings: list[Reading] = []
         name, state = drive.name, drive.state
@@ -122,10 +130,12 @@ class DriveMeasures:
             readings.append(("COM-04", name, 1.0, f"mode {drive.mode}, expected {self._modes[name]}"))
         if goal is not _ENABLED:
             self._enabled.discard(name)
+            self._asked.pop(name, None)
         elif state is _ON:
             self._enabled.add(name)
         elif name not in self._enabled:
-            readings.append(("COM-03", name, 1.0, f"stuck in {state.value}"))
+            if now - self._asked.setdefault(name, now) >= self._patience[name] - ROUNDING:
+                readings.append(("COM-03", name, 1.0, f"stuck in {state.value}"))
         elif state not in FAULT_STATES:
             readings.append(("COM-02", name, 1.0, f"now {state.value}"))
         return readings

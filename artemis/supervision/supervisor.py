@@ -12,7 +12,7 @@ from artemis.families.objects import LOST_HEARTBEAT
 from artemis.motion.totals import total
 from artemis.supervision import catalogue
 from artemis.supervision.catalogue.row import Kind, Row
-from artemis.supervision.measures import FAULT_STATES, DriveMeasures, HostMeasures, Reading
+from artemis.supervision.measures import FAULT_STATES, ROUNDING, DriveMeasures, HostMeasures, Reading
 from artemis.supervision.policy import Policies, stricter
 from artemis.supervision.poses import PoseMeasures
 from artemis.supervision.scanners import ScannerMeasures
@@ -29,8 +29,6 @@ ACKNOWLEDGE_AGAIN = 2.0
 """A stuck button acknowledges once in this time [s]."""
 STATE_TIME = 0.15
 """A drive that told why it is in fault shows it in its statusword within this time [s]: three ticks of the slowest."""
-ROUNDING = 1e-6
-"""Ticks are so far from exact in floating point [s]; a hold of so many ticks takes just as many."""
 NO_SLOWER = "RUN-03"
 _ADAPTER_LOST = "COM-22"
 COVERED = "LAS-06"

@@ -9,12 +9,14 @@ from pathlib import Path
 import pytest
 from command_line import ROBOT, artemis_here
 
+from artemis import testing
+from artemis.commands.init import LIKE, QUESTIONS
 from artemis.mission.loading import load_mission, load_model
 from artemis.vehicle import RobotFile
 from artemis.yaml_file import load
 
-CART = ["Cart", "0.3", "0,25", "0.02", "0.2", "30", "800", "40", "0.6"]
-TRACTOR = ["Tractor", "1.2", "0,9", "", "0.4", "30", "800", "40", "0.9"]
+CART = ["", "Cart", "0.3", "0,25", "0.02", "0.2", "30", "800", "40", "0.6"]
+TRACTOR = ["artemis", "Tractor", "1.2", "0,9", "", "0.4", "30", "800", "40", "0.9"]
 FILES = {
     "first.yaml",
     "mission.schema.json",
@@ -68,7 +70,7 @@ def test_another_machine_runs_at_once(
     answer(monkeypatch, *answers)
     assert artemis_here("init", tmp_path).returncode == 0
     robot = load_mission(tmp_path / "first.yaml").robot
-    assert (robot.robot, robot.geometry.wheelbase_m, robot.geometry.track_m) == (answers[0], wheelbase, track)
+    assert (robot.robot, robot.geometry.wheelbase_m, robot.geometry.track_m) == (answers[1], wheelbase, track)
     assert robot.metres_per_count("left") * 72 * 30 == pytest.approx(diameter * 3.14159265, rel=1e-6)
     assert {drive.gear_ratio for drive in robot.drives.values()} == {30, 800}
     assert "47 counts" not in (tmp_path / "robots/robot.yaml").read_text()
@@ -78,9 +80,10 @@ def test_another_machine_runs_at_once(
 
 
 def test_answers_that_no_machine_has_are_asked_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    answer(monkeypatch, "Tractor", "560", "much", "0.56", *TRACTOR[2:])
+    answer(monkeypatch, "tricycl", "artemis", "Tractor", "560", "much", "0.56", *TRACTOR[3:])
     done = artemis_here("init", tmp_path)
     assert done.returncode == 0
+    assert "'tricycl': expected one of these: nearest is 'tricycle', there are artemis, epos4, cia402," in done.stdout
     assert "'560': expected 0.1 to 10 m" in done.stdout
     assert "'much': expected a number in m" in done.stdout
     assert load_mission(tmp_path / "first.yaml").robot.geometry.wheelbase_m == 0.56
@@ -89,13 +92,13 @@ def test_answers_that_no_machine_has_are_asked_again(tmp_path: Path, monkeypatch
 @pytest.mark.parametrize(
     ("answers", "problem"),
     [
-        (TRACTOR[:3], "the input ended before the last answer; nothing was written"),
+        (TRACTOR[:4], "the input ended before the last answer; nothing was written"),
         (
             [*TRACTOR[:-1], "5"],
             "5 m/s is too fast: a motor of 3190 rpm and a gear of 30 drive",
         ),
         (
-            ["Tractor", "0.2", "0.9", *TRACTOR[3:]],
+            ["", "Tractor", "0.2", "0.9", *TRACTOR[4:]],
             "robots/robot.yaml:9:3: geometry.track_m: expected at most three times wheelbase_m (0.2 m), found 0.9 m",
         ),
     ],
@@ -107,6 +110,49 @@ def test_nothing_is_written_where_it_ends_early(
     done = artemis_here("init", tmp_path / "new")
     assert done.returncode == 2
     assert problem in done.stderr
+    assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize("like", LIKE)
+def test_each_robot_to_begin_with_is_the_one_of_the_examples_and_makes_a_mission_that_runs(
+    tmp_path: Path, like: str
+) -> None:
+    """With its own numbers as defaults; its first mission aligns the wheels as it can."""
+    name, _ = LIKE[like]
+    known = load_model(ROBOT.with_name(name), RobotFile)
+    assert (Path(testing.__file__).with_name(name)).read_text() == ROBOT.with_name(name).read_text()
+    assert artemis_here("init", "--yes", "--like", like, tmp_path).returncode == 0
+    robot = load_mission(tmp_path / "first.yaml").robot
+    assert (robot.robot, robot.geometry, robot.calibration.steering) == (
+        known.robot,
+        known.geometry,
+        known.calibration.steering,
+    )
+    for drive, told in robot.drives.items():
+        assert told == known.drives[drive]
+    assert robot.metres_per_count("left") == pytest.approx(known.metres_per_count("left"), rel=1e-4)
+    runpy.run_path(str(tmp_path / "test_first.py"))["test_first_mission_aligns_the_wheels_and_follows_its_path"]()
+
+
+@pytest.mark.parametrize(
+    "like", ["small-car", *(pytest.param(name, marks=pytest.mark.exhaustive) for name in LIKE if name != "small-car")]
+)
+def test_the_first_mission_of_another_robot_is_driven(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, like: str
+) -> None:
+    answer(monkeypatch, like, *[""] * len(QUESTIONS))
+    asked = artemis_here("init", tmp_path)
+    assert asked.returncode == 0, asked.stderr
+    assert f"are still those of {load_mission(tmp_path / 'first.yaml').robot.robot}:" in asked.stdout
+    done = artemis_here("run", tmp_path / "first.yaml")
+    assert done.returncode == 0, done.stderr
+    assert "result        done" in done.stdout
+
+
+def test_a_robot_to_begin_with_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    done = artemis_here("init", "--yes", "--like", "smallcar", tmp_path / "new")
+    assert done.returncode == 2
+    assert "--like smallcar: no such robot; nearest is 'small-car', there are artemis, epos4," in done.stderr
     assert not (tmp_path / "new").exists()
 
 
@@ -128,8 +174,6 @@ def test_a_folder_that_cannot_be_made_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_question_takes_a_decimal_comma() -> None:
-    from artemis.commands.init import QUESTIONS
-
     wheelbase = QUESTIONS[1]
     assert wheelbase.value("0,7") == 0.7
     with pytest.raises(ValueError, match=r"0\.1 to 10 m"):

@@ -263,6 +263,23 @@ def test_a_described_drive_whose_wheel_would_coast_needs_a_brake(index: int, cut
     assert forbidden == {0x6007}
 
 
+def test_a_described_drive_needs_no_objects_that_are_not_used() -> None:
+    """PDOs that are not mapped, and the error history, which CiA 301 leaves to the maker."""
+    robot = with_drive("steer-left", described("steer-left"))
+
+    async def main() -> None:
+        bench = Bench(robot, KINDS)
+        node = bench.nodes["steer-left"]
+        node.put(0x1018, 2, 0x61500000, 4)
+        for index in (0x1003, 0x1402, 0x1403, 0x1602, 0x1603, 0x1802, 0x1803, 0x1A02, 0x1A03):
+            del node.object_dictionary[index]
+        assert refusals(await bench.perform(JobKind.SECURE, JobKind.CONFIGURE)) == []
+        (told,) = [each for each in await bench.perform(JobKind.READ_HISTORY) if each.drive == "steer-left"]
+        assert (told.ok, told.values) == (True, ())
+
+    on_virtual_time(main())
+
+
 SETTING = {"index": 0x2200, "subindex": 0, "type": "u8", "value": 1}
 
 
@@ -295,6 +312,11 @@ SETTING = {"index": 0x2200, "subindex": 0, "type": "u8", "value": 1}
             {"analog_inputs": [ANALOG[0], {**ANALOG[1], "units_per_v": 100.0}]},
             ("analog_inputs", 1, "units_per_v"),
             "expected 1000, as of the first one",
+        ),
+        (
+            {"current": {"index": 0x6078, "type": "u16", "units_per_a": 1000.0}},
+            ("current", "type"),
+            "u16 has no sign: a motor that feeds back would look like one that takes current",
         ),
     ],
 )

@@ -84,6 +84,13 @@ def _unless_switched_on(scene: Scene) -> Scene | None:
     return None if scene.options.get("state") == "switched on" else scene
 
 
+def _slowly(scene: Scene) -> Scene:
+    """A change of state may take half a second more than the row says."""
+    effect = scene.effect
+    assert not isinstance(effect, float)
+    return replace(scene, effect=lambda run, at: effect(run, at) + 0.5)
+
+
 def _lost(scene: Scene) -> Scene:
     """A drive that interpolates misses its set-points before the motion shows it."""
     return replace(scene, seen=["DRV-38"], device=scene.node, effect=0.06)
@@ -109,6 +116,7 @@ MACHINES = {
         later=Later(proving=2.36, ready=6.66, aligning=4.28),
         changed={
             "COM-02": _unless_switched_on,
+            "COM-03": _slowly,
             "COM-12": _lost,
             "COM-26": lambda scene: replace(scene, effect=BOOT_4),
             "COM-31": _stalled,
@@ -126,6 +134,6 @@ MACHINES = {
         robot="artemis_cia402.yaml",
         errors=ERRORS_402,
         later=Later(proving=0.06),
-        changed={"COM-02": _unless_switched_on},
+        changed={"COM-02": _unless_switched_on, "COM-03": _slowly},
     ),
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from rig import CALIBRATE, EPOS2, MISSIONS, Rig, WatchedWorld, follow, write_mis
 from artemis.drive_states import DriveState, Nmt
 from artemis.errors import ConfigError
 from artemis.mission.loading import load_mission
+from artemis.sim.epos_settings import SimSettings
 from artemis.values import Mode, Request
 
 EPOS4, CIA402 = "artemis_epos4.yaml", "artemis_cia402.yaml"
@@ -240,6 +242,36 @@ def test_what_a_described_drive_does_not_do_is_refused_with_its_reason(
     assert told in seen.faults[0].text
 
 
+SLOW = SimSettings(measure_s=2.0)
+"""Drives that look for their commutation, or open a brake, before they are enabled."""
+
+
+@pytest.mark.parametrize("allowed", [{"state_time_s": 5.0}, {}])
+def test_a_drive_that_enables_slowly_is_waited_for_as_long_as_the_robot_file_says(
+    tmp_path: Path, allowed: dict[str, object]
+) -> None:
+    """At the start, and again after a stop; nothing is to move before all drives are enabled."""
+    simulation = {"operator": [{"at_s": 24.0, "do": "arm"}]}
+    mission = write_mission(tmp_path, [CALIBRATE, follow(0.4)], robot=CIA402, simulation=simulation)
+    rig = Rig(described(mission, allowed, allowed), settings=SLOW)
+    rig.while_following(rig.request(Request.QUICKSTOP), name="stop")
+    seen = rig.run()
+    early = [
+        tick.time
+        for tick in seen.seen
+        if not all(drive.state is DriveState.OPERATION_ENABLE for drive in tick.tick.snapshot.sensed.drives)
+        and (tick.tick.set_points.speed_left or tick.tick.set_points.speed_right)
+        and tick.mode in (Mode.FOLLOW, Mode.READY)
+    ]
+    assert early == []
+    if allowed:
+        assert (seen.status, seen.fault_ids, seen.is_done) == (0, [], True)
+        assert ended_in_order(rig)
+    else:
+        assert seen.status == 1
+        assert {fault.id for fault in seen.faults} == {"COM-03"}
+
+
 ABSENT: dict[str, object] = {"absent": [0x6065, 0x607D, 0x607F, 0x6083, 0x6084, 0x6085]}
 
 
@@ -258,6 +290,56 @@ def test_a_drive_that_lacks_more_than_the_robot_file_says_is_refused(tmp_path: P
     seen = Rig(write_mission(tmp_path / "d", steps, robot=CIA402), world=WatchedWorld(present)).run()
     assert seen.faults[0].id == "COM-07"
     assert "0x6065:0" in seen.faults[0].text
+
+
+def test_one_driven_wheel_without_power_stops_a_robot_at_once_however_slowly_its_drives_enable(tmp_path: Path) -> None:
+    fault = {"at_s": 8.0, "inject": "RUN-06", "node": "traction-left"}
+    mission = write_mission(tmp_path, [CALIBRATE, follow(0.4)], robot=CIA402, simulation={"faults": [fault]})
+    seen = Rig(described(mission, {"state_time_s": 5.0}, {"state_time_s": 5.0})).run()
+    assert seen.fault_ids[0] in ("RUN-06", "COM-02")
+    stopped = next(tick for tick in seen.seen if tick.mode is Mode.FAULT)
+    assert stopped.time == pytest.approx(8.0, abs=0.1)
+
+
+@pytest.mark.parametrize(("present", "told"), [(2, None), (2, 2), (8, 8), (8, None)])
+def test_drives_with_any_number_of_process_data_objects_are_driven(
+    tmp_path: Path, present: int, told: int | None
+) -> None:
+    """What artemis does not map and the drive does not have is off; what else it has is off where the file says so."""
+    mission = write_mission(tmp_path / "present", [{"wait": {"seconds": 0.1}}], robot=CIA402)
+    world = WatchedWorld(load_mission(described(mission, {"pdos": present}, {"pdos": present})).robot)
+    mission = write_mission(tmp_path / "told", [{"wait": {"seconds": 0.1}}], robot=CIA402)
+
+    def use() -> None:
+        """Somebody uses them, with identifiers of their own."""
+        for node, number in itertools.product(world.nodes, range(4, present)):
+            node.poke(0x1400 + number, 1, 0x190 + 0x10 * number + node.node_id)
+            node.poke(0x1800 + number, 1, 0x40000198 + 0x10 * number + node.node_id)
+
+    seen = Rig(described(mission, {"pdos": told}, {"pdos": told}), world=world).at(0.1, use).run()
+    assert (seen.status, seen.fault_ids) == (0, [])
+    for node in world.nodes:
+        for parameters in (0x1400, 0x1800):
+            valid = []
+            for number in range(present):
+                cob_id = node.read(parameters + number, 1)
+                assert isinstance(cob_id, int)
+                valid.append(not cob_id & 1 << 31)
+            assert valid == [number < 2 or number >= (told or 4) for number in range(present)]
+
+
+def test_a_drive_that_keeps_no_error_history_tells_the_state_in_which_it_stays(tmp_path: Path) -> None:
+    """Object 0x1003 is optional (CiA 301): without it the history is empty."""
+    mission = write_mission(tmp_path, [{"wait": {"seconds": 0.1}}], robot=CIA402)
+    world = WatchedWorld(load_mission(mission).robot)
+    drive = world.drive("traction-left")
+    drive.failures.refuse_object(0x1003, 0, 0x06020000)
+    drive.failures.refuse_states(DriveState.SWITCH_ON_DISABLED)
+    rig = Rig(mission, world=world)
+    seen = rig.at(0.1, lambda: drive.emergency(0x7320, rig.bus.loop.time(), heard=False)).run()
+    assert seen.status == 1
+    assert seen.faults[0].id == "COM-03"
+    assert "stays in fault, not switch on disabled after fault reset; error history: empty" in seen.faults[0].text
 
 
 def test_an_error_code_of_the_maker_s_own_means_the_row_that_the_robot_file_says(tmp_path: Path) -> None:

@@ -49,6 +49,7 @@ from artemis.vehicle import RobotFile
 LEFT, RIGHT = STEERING
 SIDES = ("left", "right")
 EPOS4 = load_model(Path(__file__).parents[2] / "missions" / "robots" / "artemis_epos4.yaml", RobotFile)
+CIA402 = load_model(Path(__file__).parents[2] / "missions" / "robots" / "artemis_cia402.yaml", RobotFile)
 REFERENCE, CLEAR, HALT = JobKind.REFERENCE, JobKind.CLEAR_TARGET, JobKind.HALT
 AT_REST = {LEFT: radians(7.0), RIGHT: radians(-4.0)}
 """Where `ObedientDrives` find the wheels."""
@@ -510,6 +511,22 @@ def test_drives_are_halted_after_exactly_a_fifth_of_a_second_and_given_up_after_
         assert not routine.send(snapshot(begun + 0.999, drives=on)).jobs
         with pytest.raises(StopIteration):
             routine.send(snapshot(begun + 1.0, drives=on))
+
+
+def test_a_drive_that_is_heard_may_take_as_long_as_its_robot_file_says_to_be_off() -> None:
+    """One that is not heard is given up after a second, as before."""
+    words = CIA402.drives[RIGHT].cia402
+    assert words is not None
+    slow = CIA402.drives[RIGHT].model_copy(update={"cia402": words.model_copy(update={"state_time_s": 5.0})})
+    plan = Plan(robot=CIA402.model_copy(update={"drives": {**CIA402.drives, RIGHT: slow}}), steps=())
+    heard = drives(drive(RIGHT), state=DriveState.SWITCH_ON_DISABLED)
+    lost = drives(drive(RIGHT, age=1.0), state=DriveState.SWITCH_ON_DISABLED)
+    for on, given_up in ((heard, 5.0), (lost, 1.0)):
+        routine = switch_off(Shared(plan), OFF, snapshot(drives=on))
+        assert next(routine).phase == "switching off"
+        assert routine.send(snapshot(given_up - 0.001, drives=on)).phase == "switching off"
+        with pytest.raises(StopIteration):
+            routine.send(snapshot(given_up, drives=on))
 
 
 def test_drives_that_are_off_are_told_so_once_more() -> None:

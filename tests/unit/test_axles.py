@@ -246,8 +246,16 @@ def test_rows_that_none_of_a_robot_s_drives_reports_say_so(capsys: pytest.Captur
     never = "never noticed on ARTEMIS with CiA 402 drives: none of its drives reports it"
     show_faults(["DRV-06", "DRV-31", "DRV-32"], False, ROBOTS / "artemis_cia402.yaml")
     assert "never" not in capsys.readouterr().out
-    show_faults(["DRV-22", "DRV-34", "DRV-38"], False, ROBOTS / "artemis_cia402.yaml")
-    assert capsys.readouterr().out.count(never) == 3
+    show_faults(["DRV-22", "DRV-29", "DRV-34", "DRV-38"], False, ROBOTS / "artemis_cia402.yaml")
+    assert capsys.readouterr().out.count(never) == 4
+
+
+def test_a_drive_that_is_asked_for_its_sto_inputs_shows_that_they_are_open(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sto = {"index": 0x2600, "type": "u8", "closed": 3}
+    show_faults(["DRV-29"], False, steered_by_cia402(tmp_path, SWITCH, sto=sto))
+    assert "never" not in capsys.readouterr().out
 
 
 # --------------------------------------------------------------------------------------------- what shows the angle

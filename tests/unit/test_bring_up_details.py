@@ -11,6 +11,7 @@ from msgspec.structs import replace
 
 from artemis.drive_states import DriveState, Goal
 from artemis.motion.potentiometers import memory_numbers
+from artemis.states import init
 from artemis.states.init import ANSWER_TIME, HEARTBEATS, WATCH_TIME, InitMode
 from artemis.states.mode import PATIENCE
 from artemis.states.plan import CalibrateStep, Plan, Shared
@@ -86,6 +87,17 @@ def test_drive_that_is_not_off_in_time_is_a_fault_after_one_and_a_half_seconds(
     assert fault_of(wish) == (fault, "steer-right")
     assert problem in str(wish.fault)
     assert [sent(player.tick()) for _ in range(3)] == [(False, False, False)] * 3, "and says nothing more"
+
+
+def test_a_drive_that_is_allowed_more_is_waited_for_as_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(init, "change_time", lambda plan, usual: usual + 2.0)
+    drives = ObedientDrives()
+    drives.changes["steer-right"] = {"state": DriveState.READY}
+    player = bring_up(drives)
+    player.until(lambda wish: wish.phase == "first contact")
+    begun = player.time
+    player.until(has_fault)
+    assert player.time - begun == pytest.approx(ANSWER_TIME + 2.0, abs=2 * PERIOD)
 
 
 def test_drive_that_does_not_notice_a_missing_heartbeat_is_a_fault() -> None:

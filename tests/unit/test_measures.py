@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import inf
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,10 +14,13 @@ from msgspec.structs import replace
 from supervision_rig import DRIVING, OFF
 
 from artemis.drive_states import DriveState, Goal, Nmt
+from artemis.mission.loading import load_model
 from artemis.supervision.measures import DriveMeasures, Rate, Reading
 from artemis.values import DriveFeedback, Wish
+from artemis.vehicle import RobotFile
 
 SICK = "steer-left"
+EPOS4 = load_model(Path(__file__).parents[2] / "missions" / "robots" / "artemis_epos4.yaml", RobotFile)
 FAULTS = [DriveState.FAULT, DriveState.FAULT_REACTION_DISABLED, DriveState.FAULT_REACTION_ENABLED]
 
 # ---------------------------------------------------------------------------------------------- rates
@@ -184,6 +188,24 @@ def test_drive_that_is_to_be_enabled_and_was_not_yet_is_not_there_yet(state: Dri
     enabling = Enabling()
     assert [enabling.read(state) for _ in range(3)] == [["COM-03"]] * 3
     assert enabling.readings(state) == [("COM-03", SICK, 1.0, f"stuck in {state.value}")]
+
+
+def test_a_drive_has_as_long_as_its_family_allows_to_be_enabled_and_the_row_s_time_is_the_end_of_it() -> None:
+    """An EPOS4 is allowed 1.5 s, the row alone 1 s."""
+    measures = DriveMeasures(EPOS4, PERIOD)
+
+    def found(time: float, state: DriveState = DriveState.READY, wish: Wish = DRIVING) -> list[str]:
+        told = [replace(each, mode=EPOS4.drives[each.name].operating_mode) for each in drives(drive(SICK, state=state))]
+        return [id for id, *_ in measures.read(sensed(time, drives=tuple(told)), wish, set())]
+
+    assert [found(time) for time in (2.0, 2.48)] == [[], []]
+    assert [found(time) for time in (2.5, 2.52)] == [["COM-03"], ["COM-03"]]
+    assert found(2.54, wish=OFF) == []
+    assert found(2.56) == [], "a new order"
+    assert found(2.58, DriveState.OPERATION_ENABLE) == []
+    assert found(2.6) == ["COM-02"], "to leave it takes no time"
+    measures.forget()
+    assert [found(time) for time in (4.0, 4.48, 4.5)] == [[], [], ["COM-03"]]
 
 
 @pytest.mark.parametrize("state", NOT_ON)

@@ -56,7 +56,7 @@ COMMUNICATION: dict[str, Row] = {
         "see its state; is its supply switched on?",
         to_fault=True,
         within=1.02,
-        of="not enabled though it should be",
+        of="not enabled though it should be (a longer time that its family or `state_time_s` gives holds instead)",
         stages=(Threshold(S1, 0.0, 1.0),),
     ),
     "COM-04": Row(

@@ -50,8 +50,8 @@ DRIVES: dict[str, Row] = {
     "DRV-05": _row(
         "logic supply",
         X,
-        "5 V sensor supply overloaded",
-        "check encoder and hall cables for a short circuit",
+        "supply of its logic or its sensors too low",
+        "a short circuit in the encoder or hall cable? its logic supply, where it has one of its own?",
     ),
     "DRV-06": _row(
         "over-temperature",
@@ -195,7 +195,12 @@ DRIVES: dict[str, Row] = {
         "one drive alone: its cable, its plug; several, or late ticks in the journal: who else needs the processor?",
     ),
     "DRV-39": _row("drive watchdog", BOOT, "its own watchdog expired", "the node is reset and configured again"),
-    "DRV-40": _row("controller gain", K, "its regulator gains do not fit", "si_gains in the robot file; tune it anew"),
+    "DRV-40": _row(
+        "controller gain",
+        K,
+        "its regulator gains do not fit",
+        "its gains in the robot file, or those that it has stored; tune it anew",
+    ),
     "DRV-41": _row("auto tuning", K, "its auto tuning failed", "another program tunes it: end that first"),
     "DRV-42": _row(
         "extension card", K, "its extension card does not answer", "is it seated? switch the drive off and on"
