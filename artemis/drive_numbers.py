@@ -15,8 +15,8 @@ DRIVE_RAMP = 5.0
 """Ramp inside the traction drives [m/s²]. The gate shapes speeds; the drive only has to follow it."""
 STEERING_RAMP = 10000
 """Factory default of 0x6083 to 0x6085 [rpm/s]."""
-LIMIT_MARGIN_DEG = 3.0
-"""A drive refuses set-points so far beyond what the gate lets its wheel turn [degrees]."""
+LIMIT_MARGIN = radians(3.0)
+"""A drive refuses set-points so far beyond what the gate lets its wheel turn [rad]."""
 FASTER = 1.5
 """No motor turns faster than this times its highest speed."""
 SILENCE = 0.5
@@ -101,7 +101,7 @@ def _way_deg(geometry: Geometry, steering_deg: float, source: AnyAngleSource) ->
     if isinstance(source, HardStop):
         stop = abs(source.stop_deg)
         left, right = max(left, stop), max(right, (source.travel_deg or 2.0 * stop) - stop)
-    return left + right + 2.0 * LIMIT_MARGIN_DEG
+    return left + right + 2.0 * degrees(LIMIT_MARGIN)
 
 
 def voltage_problems(known: Potentiometers, steering_deg: float, drive: Drive) -> Iterator[tuple[KeyPath, str]]:

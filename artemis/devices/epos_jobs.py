@@ -13,7 +13,7 @@ from artemis.devices.epos import EposDrive
 from artemis.devices.epos_identity import check_family, check_identity, held
 from artemis.devices.epos_objects import NOT_VALID, more_pdos, pdo_settings, quantities, settings, wrapped
 from artemis.devices.epos_state import Controlword
-from artemis.drive_numbers import LIMIT_MARGIN_DEG
+from artemis.drive_numbers import LIMIT_MARGIN
 from artemis.drive_states import POWERED, DriveState
 from artemis.errors import DeviceError, DeviceLost, DeviceRestarted, DeviceTimeout, NotKept, WrongDevice
 from artemis.families.family import OptionCode
@@ -43,8 +43,6 @@ STOP_TIME = 5.0
 """Longest wait for a drive found moving to stand [s]."""
 STORE_TIME = 3.0
 """A drive may be busy for so long when it stores its parameters [s]: no manual says how long it is."""
-LIMIT_MARGIN = radians(LIMIT_MARGIN_DEG)
-"""The drive's own position limits lie this far beyond the largest wheel angle of the gate [rad]."""
 
 T = TypeVar("T")
 
@@ -207,7 +205,10 @@ class EposJobs:
         for option in family.option_codes:
             await self._ensure_option(option)
         await self._check_configured()
-        await self._write_pdos()
+        for cob_id in more_pdos(self.drive):
+            await self._switch_pdo_off(cob_id)
+        for pdo in pdo_settings(self._epos.robot, self.drive):
+            await self._ensure_pdo(pdo)
 
     async def _check_configured(self) -> None:
         """What follows from the settings, or must not be there, is as it has to be."""
@@ -223,15 +224,12 @@ class EposJobs:
         if (shown := await self._settled(partial(self.read, MODE_DISPLAY), mode)) != mode:
             raise DeviceError(self.name, f"shows operating mode {shown}, not {mode}")
 
-    async def _write_pdos(self) -> None:
-        for cob_id in more_pdos(self.drive):
-            await self._switch_pdo_off(cob_id)
-        for pdo in pdo_settings(self._epos.robot, self.drive):
-            if not await self._holds(pdo):
-                if not self._family.moves_valid_pdos:
-                    await self._switch_pdo_off(pdo[0].object)
-                for setting in pdo:
-                    await self._write_checked(setting)
+    async def _ensure_pdo(self, pdo: list[Setting]) -> None:
+        if not await self._holds(pdo):
+            if not self._family.moves_valid_pdos:
+                await self._switch_pdo_off(pdo[0].object)
+            for setting in pdo:
+                await self._write_checked(setting)
 
     async def _ensure_option(self, option: OptionCode) -> None:
         try:
@@ -241,7 +239,7 @@ class EposJobs:
             raise NotKept(self.name, f"does not take the option code {wanted}: {error.problem}") from error
 
     async def _switch_pdo_off(self, cob_id: Object) -> None:
-        """With the identifier that it has: another one is refused while the PDO is valid. One that is not there is off."""
+        """With the identifier that it has: another is refused while the PDO is valid. One that is not there is off."""
         present = await held(self.read, cob_id)
         if present is not None and not present & NOT_VALID:
             await self._write_checked(Setting(cob_id, present | NOT_VALID))
