@@ -14,6 +14,7 @@ from artemis.motion.beams import ScanPeriod, seeing
 from artemis.motion.movers import NOTHING, Movers
 from artemis.motion.poses import placed, seen_from
 from artemis.motion.sweep import Rectangle
+from artemis.motion.totals import mean
 from artemis.mounting import Mounting
 from artemis.scan import Scan
 from artemis.values import Pose
@@ -39,6 +40,14 @@ FASTEST_WALK = 2.0
 """Of a person [m/s]."""
 FREE_BESIDE, FREE_BEYOND = 2, 100
 """A place was free if so many beams to both sides of it showed something so much farther [mm]."""
+
+EDGE_BEAMS, LINE_BEAMS = 5, 80
+"""A surface has at least twice so many beams; its line is that of so many next to its edge, or of fewer if it bends."""
+RECEDES, STRAIGHT = 10.0, 0.05
+"""A thing ends where it goes away from the scanner by more than this [mm]; a surface that is straight stays so near its
+line [m]."""
+CONTINUED = 60.0
+"""It goes on for so many cells (`THINNED`) of memory, at most."""
 
 Indices = NDArray[np.int64]
 
@@ -83,7 +92,7 @@ class View:
         """As if nothing had been seen."""
         self._time, self._pose, self.millimetres = -inf, Pose(), np.zeros(0)
         self._period = ScanPeriod()
-        self._noted, self._bridged = Pose(x=inf), False
+        self._noted, self._continued = Pose(x=inf), False
         self._points, self._kept, self._coming = NOTHING, NOTHING, NOTHING
         self._movers.forget()
         self._sorted_at = -inf
@@ -168,9 +177,9 @@ class View:
         if len(beams) < len(ranges):
             points = points.take(beams, 1)
         self._points = points
-        if known and not self._bridged:
-            self._bridged = True
-            self._bridge(_seen_twice(self.unmasked & (ranges >= self._least), ranges, before))
+        if known and not self._continued:
+            self._continued = True
+            self._continue_surfaces(_seen_twice(self.unmasked & (ranges >= self._least), ranges, before))
         if now - self._sorted_at >= SORTED_EVERY:
             self._sorted_at = now
             self._forget_some()
@@ -229,22 +238,41 @@ class View:
         self._farthest = np.where(self.unmasked, float(self._far), 0.0)
         self._padded = np.full(count + 2 * BESIDE, FAR)
 
-    def _bridge(self, shown: NDArray[np.bool_]) -> None:
-        """Where a surface leaves towards what is too near to be measured, and comes back, it goes on straight between.
+    def _continue_surfaces(self, shown: NDArray[np.bool_]) -> None:
+        """A surface that goes out of sight because it is too near goes on straight, as long as no beam would show it.
 
-        It is asked once, of what stood there when nothing had been seen yet: later it is remembered.
+        Asked once, of what stood there when nothing had been seen yet: later it is remembered.
         """
         beams, ends = shown.nonzero()[0], self._seen(self.millimetres, 0.0, 0.0, 0.0, 0.0)
-        masked, box = np.concatenate(([0], np.cumsum(~self.unmasked))), self._box
-        near = self.millimetres < self.least + LEAVING
-        first, last = beams[:-1], beams[1:]
-        between = (last > first + 1) & near[first] & near[last] & (masked[last] == masked[first])
-        for one, other in zip(first[between].tolist(), last[between].tolist(), strict=True):
-            begin, whole = ends[:, one : one + 1], ends[:, other : other + 1] - ends[:, one : one + 1]
-            count = int(hypot(*whole[:, 0].tolist()) / THINNED) + 1
-            points = begin + whole * (np.arange(1.0, count) / count)
-            if not box.holds(points).any():  # it is two things, with the robot between them
-                self._kept = np.concatenate((self._kept, points), 1)
+        for surface in np.split(beams, (np.diff(beams) > 1).nonzero()[0] + 1):
+            if len(surface) < 2 * EDGE_BEAMS:
+                continue
+            for away in (surface, surface[::-1]):  # from its edge on
+                edge, before = self.millimetres[away[: 2 * EDGE_BEAMS]].reshape(2, EDGE_BEAMS).tolist()
+                if edge[0] < self.least + LEAVING and mean(before) > mean(edge) - RECEDES:
+                    self._continue_line(ends[:, away[:LINE_BEAMS]], np.where(shown, self.millimetres, 0.0))
+
+    def _continue_line(self, points: Array, ranges: Array) -> None:
+        """Remember where a surface may go on beyond the first of these points on it; `ranges` that are no dust [mm]."""
+        for count in (points.shape[1], points.shape[1] // 2, points.shape[1] // 4):
+            x, y = points[0, :count].tolist(), points[1, :count].tolist()
+            half = count // 2
+            dx, dy = mean(x[:half]) - mean(x[half:]), mean(y[:half]) - mean(y[half:])
+            length, middle = hypot(dx, dy), (mean(x), mean(y))
+            off = [dx * (b - middle[1]) - dy * (a - middle[0]) for a, b in zip(x, y, strict=True)]
+            if half >= EDGE_BEAMS and length > 0.0 and max(map(abs, off)) <= STRAIGHT * length:
+                break
+        else:
+            return
+        along = (dx * (x[0] - middle[0]) + dy * (y[0] - middle[1])) / length
+        steps = along + THINNED * np.arange(1.0, CONTINUED)
+        line = np.array([middle[0] + dx / length * steps, middle[1] + dy / length * steps])
+        bearings, distances = self.directions(line)
+        beams = self.beams_past(bearings)
+        far = 1000.0 * distances
+        shown = (far >= self.least + LEAVING) | (ranges[beams] > far + BEYOND)  # it, or what lies beyond it
+        ends = ((beams >= 0) & self.unmasked[beams] & shown | self._box.holds(line)).nonzero()[0]
+        self._kept = np.concatenate((self._kept, line[:, : ends[0] if ends.size else None]), 1)
 
     def _remember(self, points: Array, beams: NDArray[np.intp]) -> None:
         """Add those points of the scan that may leave the view."""

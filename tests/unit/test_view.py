@@ -63,3 +63,44 @@ def test_what_is_remembered_may_leave_the_surroundings_before_it_is_forgotten() 
     points, kept, _ = view.around()
     assert points.shape[1] > kept.shape[1] > 0
     assert kept[0].min() < -7.0 < 0.5 < kept[0].max()
+
+
+def kept_of(scene: Scene, view: View | None = None) -> np.ndarray:
+    """What a view remembers of what stood around the robot when the run began."""
+    view, dice = view or View(SCANNER, BOX, 1.65, 1.1), np.random.default_rng(1)
+    for tick in range(3):
+        view.take(seen(scene, Pose(), tick * PERIOD, dice), tick * PERIOD, 0.0, 0.0, creeping=False)
+    return view.around()[1]
+
+
+def test_a_wall_beside_the_robot_goes_on_to_behind_it() -> None:
+    """Where the field of view ends."""
+    kept = kept_of(Scene(np.array([[-2.0, 0.32, 6.0, 0.32]])))
+
+    assert kept[0].min() < -OUTLINE.rear_m
+    assert np.abs(kept[1] - 0.32).max() < 0.05
+
+
+def test_legs_are_no_wall() -> None:
+    """Between two of them, and beyond, nothing is remembered."""
+    legs = np.array([[SCANNER.x_m + 0.54, 0.12, 0.05], [SCANNER.x_m + 0.54, -0.12, 0.05]])
+
+    kept = kept_of(Scene(circles=legs))
+
+    assert (np.abs(np.abs(kept[1]) - 0.12) < 0.08).all()
+
+
+def test_a_surface_goes_on_across_the_seam_of_a_scanner_that_looks_all_around() -> None:
+    """Its first beam points ahead, where a wall is too near."""
+    view, wall = View(SCANNER, BOX, 1.65, 1.1), SCANNER.x_m + 0.42
+    angles = np.arange(720) * np.radians(0.5)
+    with np.errstate(divide="ignore"):
+        ranges = np.where(np.cos(angles) > 0.1, 0.42 / np.cos(angles), 0.0)
+    packed = np.where(ranges >= 0.5, np.round(1000.0 * ranges), 0.0).astype("<u2").tobytes()
+    for tick in range(3):
+        scan = Scan(source="front", time=tick * PERIOD, start_angle=0.0, increment=np.radians(0.5), ranges=packed)
+        view.take(scan, tick * PERIOD, 0.0, 0.0, creeping=False)
+
+    kept = view.around()[1]
+    assert (np.abs(kept[0] - wall) < 0.03).all()
+    assert np.diff(np.sort(kept[1])).max() < 0.06
