@@ -142,3 +142,15 @@ def test_words_that_a_drive_does_not_know_are_refused(
 
     with pytest.raises(ConfigError, match=problem):
         load_mission(mission)
+
+
+@pytest.mark.parametrize("robot", ["artemis_epos4.yaml", "artemis_absolute.yaml"])
+def test_the_robot_files_of_epos4_keep_no_direction_that_another_program_left_in_an_encoder(
+    tmp_path: Path, robot: str
+) -> None:
+    align = {"calibrate": {"steering": "align"}}
+    rig = brought_up(tmp_path, robot, {ENCODER_TYPE: 0x0010 | 1}, "steer-left", steps=(align,))
+
+    assert rig.run().status == 0
+
+    assert int(rig.drive("steer-left").read(*ENCODER_TYPE)) & 0x10 == 0
