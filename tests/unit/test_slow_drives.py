@@ -5,7 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from core_builders import LOST_HEARTBEAT, NAMES, PERIOD, ObedientDrives, Player, drive, drives, fault_of, has_event, has_fault
+from core_builders import (
+    LOST_HEARTBEAT,
+    NAMES,
+    PERIOD,
+    ObedientDrives,
+    Player,
+    drive,
+    drives,
+    fault_of,
+    has_event,
+    has_fault,
+)
 
 from artemis.drive_states import DriveState, Goal
 from artemis.mission.loading import load_model
