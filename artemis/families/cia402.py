@@ -132,6 +132,11 @@ class StoWords(ObjectWords):
     closed: Annotated[int, Field(ge=1, le=0xFFFFFFFF)]
     """Its bits that are all set while the inputs have their voltage."""
 
+    @property
+    def fits(self) -> bool:
+        """Whether the object has all of these bits."""
+        return not self.closed >> 8 * self.object.type.size
+
 
 class ErrorWords(Config):
     """An error code of the maker's own, and the row of the fault table that it means."""
