@@ -258,6 +258,19 @@ def test_a_drive_that_is_asked_for_its_sto_inputs_shows_that_they_are_open(
     assert "never" not in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("off", [(), ("traction", "steering"), ("traction",)])
+def test_drives_that_take_each_set_point_at_once_never_say_that_one_is_late(
+    off: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = yaml.safe_load((ROBOTS / "artemis_epos4.yaml").read_text())
+    for drive in words["drives"].values():
+        drive["interpolation"] = drive["role"] not in off
+    file = tmp_path / "robot.yaml"
+    file.write_text(yaml.safe_dump(words))
+    show_faults(["DRV-38"], False, file)
+    assert ("never noticed on ARTEMIS with EPOS4: " in capsys.readouterr().out) is (len(off) == 2)
+
+
 @pytest.mark.parametrize(
     ("type", "closed", "fits"),
     [
