@@ -268,7 +268,8 @@ class Identified:
                 f"dead time {1e3 * load.delay:.1f} ms; {load.unexplained:.0%} of the lag unexplained"
             )
         if self.kind == "velocity" and (observed := self._observed()):
-            yield f"            {', '.join(observed)}: computed as a plain PI loop, without the observer (si_gains.observer)"
+            names = ", ".join(observed)
+            yield f"            {names}: computed as a plain PI loop, without the observer (si_gains.observer)"
         yield "            the current regulator is too fast to be identified from one sample a tick: it stays as it is"
 
     def proposals(self) -> list[Proposal]:

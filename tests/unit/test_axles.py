@@ -275,7 +275,8 @@ def test_drives_that_take_each_set_point_at_once_never_say_that_one_is_late(
     ("type", "closed", "fits"),
     [
         ("u8", 0xFF, True), ("u8", 0x100, False), ("u8", 0x300, False), ("u8", 0x101, False),
-        ("i8", 0x80, True), ("i8", 0x180, False), ("u16", 0x300, True), ("u16", 0x10000, False), ("u32", 0xFFFFFFFF, True),
+        ("i8", 0x80, True), ("i8", 0x180, False), ("u16", 0x300, True), ("u16", 0x10000, False),
+        ("u32", 0xFFFFFFFF, True),
     ],
 )  # fmt: skip
 def test_inputs_for_safe_torque_off_are_closed_by_bits_that_their_object_has(
