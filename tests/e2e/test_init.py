@@ -173,10 +173,18 @@ def test_the_first_mission_of_another_robot_is_driven(
     assert "result        done" in done.stdout
 
 
-def test_a_robot_to_begin_with_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    done = artemis_here("init", "--yes", "--like", "smallcar", tmp_path / "new")
+@pytest.mark.parametrize(
+    ("like", "hint"),
+    [
+        ("smallcar", "nearest is 'small-car', there are artemis"),
+        *((far, "there are artemis") for far in ("foo", "x", "")),
+    ],
+)
+def test_a_robot_to_begin_with_that_is_not_there_is_refused(tmp_path: Path, like: str, hint: str) -> None:
+    """What is far from every name is not called near one."""
+    done = artemis_here("init", "--yes", "--like", like, tmp_path / "new")
     assert done.returncode == 2
-    assert "--like smallcar: no such robot; nearest is 'small-car', there are artemis, epos4," in done.stderr
+    assert f"--like {like}: no such robot; {hint}, epos4," in done.stderr
     assert not (tmp_path / "new").exists()
 
 
