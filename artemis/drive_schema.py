@@ -300,7 +300,7 @@ def _settings(words: Cia402) -> Iterator[tuple[KeyPath, str]]:
     """Values of objects that the drive lacks, or that artemis writes, and such as do not fit."""
     for number, given in enumerate(words.settings):
         if is_ours(words, given):
-            yield ("cia402", "settings", number), f"{given.object} is written by artemis: there are other keys for it"
+            yield ("cia402", "settings", number), f"{given.object} is written by artemis: leave it out"
         elif given.index in words.absent:
             text = f"{given.object} is one that the drive lacks (`absent`): take it out of one of them"
             yield ("cia402", "settings", number), text
