@@ -8,6 +8,7 @@ from math import atan2, cos, degrees, radians, sin
 
 from artemis.axles import AnyAngleSource, Geometry, HardStop, Potentiometers
 from artemis.drive_schema import Drive
+from artemis.families.objects import ACCELERATION, DECELERATION, QUICK_STOP_DECELERATION
 from artemis.linkage import MeasuredLinkage
 from artemis.yaml_file import KeyPath
 
@@ -20,13 +21,14 @@ LIMIT_MARGIN = radians(3.0)
 FASTER = 1.5
 """No motor turns faster than this times its highest speed."""
 SILENCE = 0.5
-"""The counter may come half around within no less [s]: nobody could tell what a wheel rolled between two messages."""
+"""The position counter may run through half of its range within no less [s]: it could overflow unnoticed between two
+messages."""
 HIGHEST, COUNTER = 0x7FFFFFFF, 1 << 32
 """Of a signed number of 32 bit, as velocities and positions are; so many different positions there are."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Asked:
+class Commanded:
     """What a robot file asks of one drive, at the motor's shaft."""
 
     top_rpm: float
@@ -39,28 +41,28 @@ class Asked:
     """The same as it counts."""
 
 
-def asked_of_traction(drive: Drive, metres_per_count: float, speed: float, quick_stop: float) -> Asked:
+def asked_of_traction(drive: Drive, metres_per_count: float, speed: float, quick_stop: float) -> Commanded:
     """For a highest speed [m/s] of its wheel, and a quick stop [m/s²]."""
     rpm = 60.0 / metres_per_count / drive.sensor.counts_per_turn
-    return Asked(top_rpm=speed * rpm, ramp_rpm_s=DRIVE_RAMP * rpm, quick_stop_rpm_s=quick_stop * rpm)
+    return Commanded(top_rpm=speed * rpm, ramp_rpm_s=DRIVE_RAMP * rpm, quick_stop_rpm_s=quick_stop * rpm)
 
 
-def asked_of_steering(drive: Drive, geometry: Geometry, steering_deg: float, source: AnyAngleSource) -> Asked:
+def asked_of_steering(drive: Drive, geometry: Geometry, steering_deg: float, source: AnyAngleSource) -> Commanded:
     """For a largest angle of the virtual front wheel, and what tells its own angle."""
     way = _way_deg(geometry, steering_deg, source)
     counts = drive.sensor.counts_per_turn * drive.gear_ratio / source.scale / 360.0 * way
     ramp, top = STEERING_RAMP, drive.motor.max_speed_rpm
-    return Asked(top_rpm=top, ramp_rpm_s=ramp, quick_stop_rpm_s=ramp, way_deg=way, way_counts=counts)
+    return Commanded(top_rpm=top, ramp_rpm_s=ramp, quick_stop_rpm_s=ramp, way_deg=way, way_counts=counts)
 
 
-def misfits(drive: Drive, asked: Asked) -> Iterator[tuple[KeyPath, str]]:
+def misfits(drive: Drive, asked: Commanded) -> Iterator[tuple[KeyPath, str]]:
     """What does not fit into an object of the drive, or would be nothing in it: path of the key, and why."""
     family = drive.tables
     yield from _velocities_and_ramps(drive, asked)
     rpm, counts = drive.motor.max_speed_rpm, drive.sensor.counts_per_turn
     most = int(COUNTER / 2 / SILENCE / (FASTER * rpm / 60.0))
     if counts > most:
-        text = f"at {rpm} rpm (max_speed_rpm) its 32-bit position counter would come around in less than a second"
+        text = f"at {rpm} rpm (max_speed_rpm) its 32-bit position counter would overflow in less than a second"
         yield ("sensor", "counts_per_turn"), f"{text}: expected at most {most}, found {counts}"
     if asked.way_counts > HIGHEST:
         text = f"from lock to lock, {asked.way_deg:.0f} degrees of the wheel, {family.title} would count"
@@ -71,12 +73,12 @@ def misfits(drive: Drive, asked: Asked) -> Iterator[tuple[KeyPath, str]]:
         yield ("sensor", "counts_per_turn"), f"{text} {most}, found {counts}"
 
 
-def _velocities_and_ramps(drive: Drive, asked: Asked) -> Iterator[tuple[KeyPath, str]]:
+def _velocities_and_ramps(drive: Drive, asked: Commanded) -> Iterator[tuple[KeyPath, str]]:
     """Only drives that choose their units have such as do not fit."""
     family = drive.tables
     fastest = max(asked.top_rpm, drive.motor.max_speed_rpm)
     speeds = (asked.top_rpm, fastest), family.velocity_scale, HIGHEST
-    ramps = (asked.ramp_rpm_s, asked.quick_stop_rpm_s), family.acceleration_scale, COUNTER - 1
+    ramps = tuple(_ramps(drive, asked)), family.acceleration_scale, COUNTER - 1
     for (numbers, scale, highest), unit, key, objects in (
         (speeds, "rpm", "velocity_units_per_rpm", "0x60FF, 0x606C and 0x607F hold"),
         (ramps, "rpm/s", "acceleration_units_per_rpm_s", "0x6083 to 0x6085 hold"),
@@ -85,6 +87,15 @@ def _velocities_and_ramps(drive: Drive, asked: Asked) -> Iterator[tuple[KeyPath,
         if wrong:
             text = f"{wrong[0]:.5g} {unit} would be {round(wrong[0] * scale)} units; {objects} 1 to {highest}"
             yield ("cia402", key) if drive.cia402 is not None else ("gear_ratio",), text
+
+
+def _ramps(drive: Drive, asked: Commanded) -> Iterator[float]:
+    """Those for which the drive has an object."""
+    absent = drive.cia402.absent if drive.cia402 is not None else ()
+    if any(object.index not in absent for object in (ACCELERATION, DECELERATION)):
+        yield asked.ramp_rpm_s
+    if QUICK_STOP_DECELERATION.index not in absent:
+        yield asked.quick_stop_rpm_s
 
 
 def _way_deg(geometry: Geometry, steering_deg: float, source: AnyAngleSource) -> float:

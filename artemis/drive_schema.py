@@ -36,6 +36,8 @@ AnyGain = Annotated[float, Field(ge=0)]
 """Of a drive that is not known yet."""
 PiGains = Annotated[tuple[Gain, Gain], Field(strict=False)]
 PidGains = Annotated[tuple[Gain, Gain, Gain], Field(strict=False)]
+STOPPED = 2
+"""Value of 0x1029:1 that ends SDO, too."""
 USUAL_LAG_DEG, FACTORY_LAG = 3.0, 2000
 """Following error where the robot file says none: of a steered wheel [degrees], and what drives come with [counts]."""
 
@@ -279,6 +281,9 @@ def _profile(drive: Drive) -> Iterator[tuple[KeyPath, str]]:
         if first != second:
             text = f"expected {first:g}, as of the first one, found {second:g}"
             yield ("cia402", "analog_inputs", 1, "units_per_v"), text
+    if words.sto is not None and not words.sto.fits:
+        text = f"0x{words.sto.closed:X} has bits that no {words.sto.type} has: the inputs would always count as open"
+        yield ("cia402", "sto", "closed"), text
     yield from _option_codes(words)
     yield from _errors(words)
     for number, index in enumerate(words.absent):
@@ -295,16 +300,20 @@ def _settings(words: Cia402) -> Iterator[tuple[KeyPath, str]]:
     """Values of objects that the drive lacks, or that artemis writes, and such as do not fit."""
     for number, given in enumerate(words.settings):
         if is_ours(words, given):
-            yield ("cia402", "settings", number), f"{given.object} is written by artemis: there are other keys for it"
+            yield ("cia402", "settings", number), f"{given.object} is written by artemis: leave it out"
         elif given.index in words.absent:
             text = f"{given.object} is one that the drive lacks (`absent`): take it out of one of them"
             yield ("cia402", "settings", number), text
         elif not given.fits:
             yield ("cia402", "settings", number, "value"), f"{given.value} is no {given.type}"
         elif _hides_the_loss(words, given):
-            text = f"with {given.value} the drive does not leave Operational for Pre-Operational when our heartbeat is"
             code = f"`abort_connection: {words.option_codes.abort_connection}`"
-            text += f" lost, and with {code} that is no fault: nothing would show that it watches the heartbeat;"
+            text = "the drive does not leave Operational for Pre-Operational when our heartbeat is lost, and with"
+            text += f" {code} that is no fault: nothing would show that it watches the heartbeat;"
+            if given.value == STOPPED:
+                text = "the drive would be Stopped when our heartbeat is lost, where nobody can ask it, and with"
+                text += f" {code} that is no fault;"
+            text = f"with {given.value} {text}"
             yield ("cia402", "settings", number, "value"), f"{text} write 0 here, or `abort_connection: 1`"
 
 

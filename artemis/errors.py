@@ -27,6 +27,8 @@ import difflib
 from collections.abc import Iterable
 
 _MAX_SHOWN = 60
+_NEAR = 0.5
+"""Share of its letters that a word has in common with one that may be meant."""
 
 
 class ArtemisError(Exception):
@@ -103,10 +105,11 @@ def writable(text: object) -> str:
 
 
 def similar(word: str, names: Iterable[str]) -> str:
-    """The names in a message about an unknown one, the most similar first; empty where there are none."""
+    """The names in a message about an unknown one, after the nearest, if one is near; empty where there are none."""
     names = list(names)
-    nearest = difflib.get_close_matches(word, names, n=1, cutoff=0.0)
-    return f"nearest is '{nearest[0]}', there are {', '.join(names)}" if nearest else ""
+    nearest = difflib.get_close_matches(word, names, n=1, cutoff=_NEAR)
+    there = f"there are {', '.join(names)}" if names else ""
+    return f"nearest is '{nearest[0]}', {there}" if nearest else there
 
 
 def shown(value: object) -> str:

@@ -16,7 +16,7 @@ from artemis.commands.devices import open_bus
 from artemis.commands.gains_trial import WAY, Findings, GainsWatch, Trial, findings, table, write_mission
 from artemis.commands.run import run_in_sight
 from artemis.commands.terminal import confirmed
-from artemis.devices.memory import read_gains, store
+from artemis.devices.memory import read_gains, store, with_observer
 from artemis.drive_schema import Gains, SiGains
 from artemis.errors import ConfigError, DeviceError, RecordingError, shown
 from artemis.mission.actions import NewGains
@@ -210,7 +210,7 @@ def _show(loaded: LoadedMission, wanted: Wanted, simulated: bool) -> int:
     for name, problem in check_gains(dict.fromkeys(wanted.drives, NewGains.model_construct()), loaded.robot):
         if name not in loaded.robot.drives:
             raise ConfigError(f"calibrate gains: --drive {shown(name)}: {problem}")
-    read = clock.run(_read(loaded, simulated), simulated=simulated)
+    read, observed = clock.run(_read(loaded, simulated), simulated=simulated)
     drives = {name: gains for name, gains in read.items() if not wanted.drives or name in wanted.drives}
     say(f"gains of {loaded.robot.robot} in the robot file, and in the drives{' (simulated)' * simulated} now")
     width = 16 if any(loaded.robot.drives[name].tables.gains_in_si for name in drives) else 14
@@ -223,17 +223,30 @@ def _show(loaded: LoadedMission, wanted: Wanted, simulated: bool) -> int:
             continue
         file = family.told_gains(numbers) if numbers else None
         gains = found if isinstance(found, str) else family.told_gains(found)
-        say(f"{name:16}{'robot file':12}{'none' if file is None else _columns(file, width)}")
-        say(f"{'':16}{'drive':12}{gains if isinstance(gains, str) else _columns(gains, width, file)}")
-        differs = differs or (not isinstance(gains, str) and file not in (None, gains))
+        said = loaded.robot.drives[name].si_gains
+        words = _observer(said is not None and said.observer)
+        say(f"{name:16}{'robot file':12}{'none' if file is None else _columns(file, width) + words}")
+        if isinstance(gains, str):
+            say(f"{'':16}{'drive':12}{gains}")
+            continue
+        other = said is not None and said.observer != (name in observed)
+        words = _observer(name in observed, other)
+        say(f"{'':16}{'drive':12}{_columns(gains, width, file)}{words}")
+        differs = differs or other or file not in (None, gains)
     if differs:
         say("* differs. A drive has what was stored in it when its power came; each run writes the robot file's gains")
     return int(any(isinstance(gains, str) for gains in drives.values()))
 
 
-async def _read(loaded: LoadedMission, simulated: bool) -> dict[str, tuple[int, ...] | str]:
+def _observer(has: bool, differs: bool = False) -> str:
+    """The structure of the velocity regulator, as it stands beside the gains in the robot file: a low pass is usual."""
+    return f"  observer: {str(has).lower()}{' *' * differs}" if has or differs else ""
+
+
+async def _read(loaded: LoadedMission, simulated: bool) -> tuple[dict[str, tuple[int, ...] | str], frozenset[str]]:
+    """Gains of the drives, and those of them whose velocity regulator has an observer."""
     with closing(open_bus(loaded, simulated)) as bus:
-        return await read_gains(loaded.robot, bus)
+        return await read_gains(loaded.robot, bus), await with_observer(loaded.robot, bus)
 
 
 def _columns(gains: tuple[float, ...], width: int, known: tuple[float, ...] | None = None) -> str:

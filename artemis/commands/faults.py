@@ -38,6 +38,7 @@ SECTIONS = {
 }
 STO = "DRV-29"
 """Found by asking the drive, too."""
+LATE_SET_POINTS = "DRV-38"
 _NOTHING = "-"
 _KNOWN = {**{name: family.errors for name, family in FAMILIES.items()}, "cia402": ERRORS}
 """Rows by error code, by family."""
@@ -73,8 +74,11 @@ def _missed(id: str, robot: RobotFile | None, indent: str) -> str:
         return f"{never}: it needs {row.needs.value}\n"
     tables = [drive.tables for drive in robot.drives.values()]
     asked = id == STO and any(family.sto is not None for family in tables)
-    if _codes(id) and not asked and not any(id in family.errors.values() for family in tables):
+    reporting = [drive for drive in robot.drives.values() if id in drive.tables.errors.values()]
+    if _codes(id) and not asked and not reporting:
         return f"{never}: none of its drives reports it\n"
+    if id == LATE_SET_POINTS and not any(drive.interpolation for drive in reporting):
+        return f"{never}: its drives take each set-point at once (interpolation: false)\n"
     return ""
 
 

@@ -194,6 +194,11 @@ class Identified:
     def _gains(self, name: str) -> tuple[int, ...]:
         return self._robot.drives[name].gain_numbers[self.place]
 
+    def _observed(self) -> list[str]:
+        """Drives of the trial whose velocity regulator has an observer."""
+        known = {name: self._robot.drives[name].si_gains for name in self._trial.drives}
+        return [name for name, gains in known.items() if gains is not None and gains.observer]
+
     @property
     def place(self) -> slice:
         """Where these gains are among all of a drive."""
@@ -262,6 +267,9 @@ class Identified:
                 f"{name:<16}inertia {load.inertia * per_unit:.3g} {unit}, friction {load.friction:.2f} A, "
                 f"dead time {1e3 * load.delay:.1f} ms; {load.unexplained:.0%} of the lag unexplained"
             )
+        if self.kind == "velocity" and (observed := self._observed()):
+            names = ", ".join(observed)
+            yield f"            {names}: computed as a plain PI loop, without the observer (si_gains.observer)"
         yield "            the current regulator is too fast to be identified from one sample a tick: it stays as it is"
 
     def proposals(self) -> list[Proposal]:

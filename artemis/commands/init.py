@@ -26,6 +26,7 @@ from artemis.yaml_file import Data, survey
 RADII = 2.5
 """The first path turns no tighter than so many of the robot's smallest radii (of the rear axle's centre)."""
 POINTS = 400
+LENGTH_DIGITS = 6
 WHEEL_RESERVE, STEERING_SHARE = 1.03, 0.87
 """How much faster than the virtual front wheel the outer one is; share of the steering motors' speed used."""
 
@@ -82,9 +83,7 @@ USUAL = "artemis"
 QUESTIONS = (
     Question("name", "Name of the robot", "", "ARTEMIS"),
     Question("wheelbase", "Wheelbase: front axle to rear axle", "m", 0.56, 0.1, 10),
-    Question(
-        "track", "Track: between the contact points of the front wheels (tricycle: the rear wheels)", "m", 0.436, 0.1, 5
-    ),
+    Question("track", "Track: between the contact points of the {axle} wheels", "m", 0.436, 0.1, 5),
     Question("scrub", "Scrub radius: kingpin to contact point, outwards", "m", 0.0625, 0, 1),
     Question("diameter", "Diameter of the driven wheels", "m", 0.24381, 0.02, 2),
     Question("traction_gear", "Motor turns per turn of a driven wheel", "", 50, 1, 10000),
@@ -99,6 +98,8 @@ QUESTIONS = (
     Question("steering", "Largest steering angle of the virtual front wheel", "deg", 60, 5, 79),
     Question("speed", "Highest speed", "m/s", 0.7, 0.05, 5),
 )
+KINGPINS = Question("kingpins", "Distance of the kingpins of the front wheels", "m", 0.311, 0.01, 5)
+"""Instead of the scrub radius where the rear wheels are driven: the track is theirs."""
 
 
 def begin(folder: Path, *, ask: bool, force: bool, like: str | None = None) -> None:
@@ -156,7 +157,9 @@ def _write(folder: Path, texts: Mapping[str, str], *, force: bool) -> None:
 
 
 def questions(machine: RobotFile) -> Iterator[Question]:
-    """`QUESTIONS`, of which the defaults are this machine's."""
+    """`QUESTIONS`, of which words and defaults are this machine's."""
+    rear = machine.geometry.driven_axle == "rear"
+    of_rear = rear or machine.geometry.front_wheels == 1
     traction = machine.drive_at("traction", "left")[1]
     steering = machine.drive_at("steering", "left")[1]
     around = machine.metres_per_count("left") * traction.sensor.counts_per_turn * traction.gear_ratio
@@ -164,24 +167,28 @@ def questions(machine: RobotFile) -> Iterator[Question]:
         "wheelbase": machine.geometry.wheelbase_m,
         "track": machine.geometry.track_m,
         "scrub": machine.geometry.scrub_radius_m,
+        "kingpins": round(machine.geometry.kingpin_distance_m, LENGTH_DIGITS),
         "diameter": round(around / math.pi, 5),
         "traction_gear": traction.gear_ratio,
         "steering_gear": steering.gear_ratio,
         "steering": machine.limits.steering_deg,
         "speed": machine.limits.speed_m_s,
     }
-    for each in QUESTIONS:
+    for asked in QUESTIONS:
+        each = KINGPINS if rear and asked.key == "scrub" else asked
         number = numbers.get(each.key)
         default = machine.robot if number is None else int(number) if number == int(number) else number
-        yield replace(each, default=default)
+        yield replace(each, words=each.words.format(axle="rear" if of_rear else "front"), default=default)
 
 
 def texts(answers: Mapping[str, float | str], template: bytes, machine: RobotFile) -> dict[str, str]:
-    """The files by their names in the folder; `answers` to all `QUESTIONS`, by key.
+    """The files by their names in the folder; `answers` to all `questions` about the machine, by key.
 
     The robot file is `template`, that of `machine`, with what was answered.
     """
     numbers = {key: value for key, value in answers.items() if isinstance(value, float | int)}
+    if (kingpins := numbers.pop("kingpins", None)) is not None:
+        numbers["scrub"] = max(0.0, round((numbers["track"] - kingpins) / 2.0, LENGTH_DIGITS))
     robot = edited(template, "robots/robot.yaml", _changes(str(answers["name"]), numbers, machine)).decode()
     robot = _without_stale_comments(robot, template.decode())
     return {

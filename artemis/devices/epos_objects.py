@@ -136,6 +136,16 @@ def own_bits(drive: Drive, quantity: str) -> int:
     return bits if drive.gain_numbers else bits & ~family.regulator_bits.get(quantity, 0)
 
 
+def observer_of(drive: Drive) -> Setting | None:
+    """What the drive has where its velocity regulator has an observer; None: its family knows of none."""
+    family = drive.tables
+    for object, quantity in family.configuration:
+        if isinstance(quantity, str) and quantity in family.observer:
+            usual = family.choices[quantity][drive.motor.type, drive.sensor.type]
+            return Setting(object, usual + family.observer[quantity], family.regulator_bits[quantity])
+    return None
+
+
 def settings(robot: RobotFile, drive: Drive, period: float) -> Iterator[Setting]:
     """Everything that is configured but the PDOs, in an order that the drive accepts; `period` of SYNC [s]."""
     known = quantities(robot, drive, period)

@@ -12,7 +12,9 @@ from artemis.devices.can_bus import FrameBus
 from artemis.devices.canopen import HEARTBEAT
 from artemis.devices.drive import Drives
 from artemis.devices.epos_jobs import EposJobs
+from artemis.devices.epos_objects import observer_of
 from artemis.errors import DeviceError
+from artemis.families.objects import Setting
 from artemis.values import Job, JobKind
 from artemis.vehicle import RobotFile
 
@@ -35,6 +37,26 @@ async def read_gains(robot: RobotFile, bus: FrameBus) -> dict[str, tuple[int, ..
             return error.problem
 
     return dict(zip(jobs, await asyncio.gather(*(ask(name) for name in jobs)), strict=True))
+
+
+async def with_observer(robot: RobotFile, bus: FrameBus) -> frozenset[str]:
+    """Drives whose velocity regulator has an observer, by name: their gains are for that one. As `read_gains`."""
+    structures = {name: observer_of(drive) for name, drive in robot.drives.items()}
+    known = {name: setting for name, setting in structures.items() if setting is not None}
+    if not known:
+        return frozenset()
+    jobs = _jobs(_drives(robot, bus))
+    await asyncio.sleep(LISTEN)
+
+    async def has(name: str, observer: Setting) -> bool:
+        try:
+            present = await jobs[name].read(observer.object)
+        except DeviceError:  # why its gains are not known is told of them
+            return False
+        return observer.over(present) == present
+
+    found = await asyncio.gather(*(has(name, observer) for name, observer in known.items()))
+    return frozenset(name for name, is_so in zip(known, found, strict=True) if is_so)
 
 
 async def store(

@@ -38,6 +38,7 @@ from artemis.families.objects import (
     MODE,
     MODE_DISPLAY,
     OFFSETS,
+    POLARITY,
     POSITION,
     POSITION_LIMITS,
     PRODUCER_HEARTBEAT,
@@ -130,6 +131,11 @@ class StoWords(ObjectWords):
 
     closed: Annotated[int, Field(ge=1, le=0xFFFFFFFF)]
     """Its bits that are all set while the inputs have their voltage."""
+
+    @property
+    def fits(self) -> bool:
+        """Whether the object has all of these bits."""
+        return not self.closed >> 8 * self.object.type.size
 
 
 class ErrorWords(Config):
@@ -228,7 +234,8 @@ COMMANDS = 2, 3
 """Values of 0x6007 that make a lost heartbeat a command (disable voltage, quick stop), not a fault."""
 _OPTIONS = (ABORT_CONNECTION, QUICK_STOP_OPTION, FAULT_REACTION)
 _OURS = frozenset(
-    object.index for object in (CONSUMER_HEARTBEAT, STORE, CONTROLWORD, TARGET_POSITION, TARGET_VELOCITY, *_OPTIONS)
+    object.index
+    for object in (CONSUMER_HEARTBEAT, STORE, CONTROLWORD, TARGET_POSITION, TARGET_VELOCITY, *OFFSETS, *_OPTIONS)
 )
 _PDOS = range(0x1400, 0x1C00)
 
@@ -283,7 +290,7 @@ def family_from(words: Cia402) -> Family:
         analog_scale=words.analog_inputs[0].units_per_v if words.analog_inputs else 1.0,
         configuration=(*_own_configuration(words), *((each.object, each.value) for each in words.settings)),
         choices={},
-        cleared=OFFSETS if words.operating_mode != PROFILE_VELOCITY else (),
+        cleared=OFFSETS if any(each.index == POLARITY.index for each in words.settings) else (*OFFSETS, POLARITY),
         option_codes=_option_codes(words.option_codes),
         forbidden=(
             (NO_REACTION, "no reaction to a lost connection"),

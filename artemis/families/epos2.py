@@ -32,6 +32,7 @@ EPOS2 = replace(
     title="EPOS2",
     generation=2,
     top_counts=4 * 2_500_000,
+    still_rpm=1.0,  # a fine encoder tells many counts of a shaft that stands
     configuration=configuration(Object(0x2210, 1, U32)),
     option_codes=(OptionCode(setting=Setting(FAULT_REACTION, 2), name="reaction to a fault: quick-stop ramp"),),
     errors=ERRORS,

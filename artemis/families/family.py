@@ -145,7 +145,7 @@ class Family:
     inverted: Mapping[str, int] = field(default_factory=dict)
     """Bits that say that the sensor counts against the motor: they stay where the robot file says nothing of it."""
     cleared: tuple[Object, ...] = ()
-    """Objects that a drive adds to its set-points, where it has them: 0."""
+    """Objects that a drive adds to its set-points, or that turn it around, where it has them: 0."""
     option_codes: tuple[OptionCode, ...] = ()
     forbidden: tuple[tuple[Setting, str], ...] = ()
     """Values that a drive which has the object must not have, and what they mean."""

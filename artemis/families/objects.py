@@ -123,6 +123,8 @@ FOLLOWING_ERROR = Object(0x6065, 0, U32)
 VELOCITY = Object(0x606C, 0, I32)
 TARGET_POSITION = Object(0x607A, 0, I32)
 POSITION_LIMITS = Object(0x607D, 1, I32), Object(0x607D, 2, I32)
+POLARITY = Object(0x607E, 0, U8)
+"""Bits 7 and 6: positions and velocities count the other way, set-points and what is shown."""
 TOP_PROFILE_VELOCITY = Object(0x607F, 0, U32)
 TOP_MOTOR_SPEED = Object(0x6080, 0, U32)
 ACCELERATION, DECELERATION, QUICK_STOP_DECELERATION = (Object(index, 0, U32) for index in (0x6083, 0x6084, 0x6085))

@@ -195,7 +195,9 @@ def _impossible(made: MissionWalk, outcome: str) -> ConfigError:
     passive = made.found.passive[number]
     kind, _, id = outcome.partition(":")
     if kind == FAULT and id:
-        return ConfigError(f"no fault {id!r} in the fault table; {similar(id, list(ROWS)).partition(',')[0]}")
+        words = similar(id, ROWS)
+        near = words.partition(",")[0] if words.startswith("nearest") else "`artemis faults` shows it"
+        return ConfigError(f"no fault {id!r} in the fault table; {near}")
     answers = passive.answers if passive is not None else ()
     ends = made.found.outcomes[number] - ({DONE} if answers else set())
     ends = ends.union(*(made.found.outcomes[n] for n in made.beside))

@@ -158,7 +158,7 @@ def fitted(lines: tuple[Line, Line], straight: float, direction: float, known: P
         lines: Of its potentiometers.
         straight: Encoder's angle at which the wheel truly stands straight [rad].
         direction: Which way it came there, see `Line.at`.
-        known: What the robot file said.
+        known: What the robot file said; what is not fitted stays.
     """
     slopes = tuple(degrees(1.0) / line.per_radian for line in lines)
     stds = tuple(
@@ -166,11 +166,8 @@ def fitted(lines: tuple[Line, Line], straight: float, direction: float, known: P
     )
     play = mean([-2.0 * line.lag / line.per_radian for line in lines])
     zeros = tuple(round(line.at(straight, direction), ZERO_DIGITS) for line in lines)
-    calibration = Potentiometers(
-        zero_v=(zeros[0], zeros[1]),
-        slope_deg_per_v=(round(slopes[0], SLOPE_DIGITS), round(slopes[1], SLOPE_DIGITS)),
-        scale=known.scale,
-    )
+    found = {"zero_v": zeros, "slope_deg_per_v": tuple(round(slope, SLOPE_DIGITS) for slope in slopes)}
+    calibration = Potentiometers.model_validate({**known.model_dump(), **found})
     return SteeringFit(
         calibration=calibration,
         zero_std_v=(lines[0].std(straight, direction), lines[1].std(straight, direction)),

@@ -5,7 +5,8 @@ profile leaves open is as the robot file says: identity, units, option codes, wh
 with. Its motor and gains are taken as its maker's tool is to have set them. `epos4` makes an EPOS4 of it.
 
 Sources: CiA 301, CiA 402. Inferred: which errors leave no power to brake with.
-Not simulated: profile position, homing, torque; inputs but for the home switch; any other object of its maker.
+Not simulated: profile position, homing, torque; what the polarity (0x607E) does, which is there without effect on the
+motor; inputs but for the home switch; any other object of its maker.
 """
 
 from __future__ import annotations

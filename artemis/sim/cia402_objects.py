@@ -148,6 +148,7 @@ def _modes(words: Cia402) -> list[ObjectEntry]:
         row(0x6067, 0, U32, "rw R T", 0xFFFFFFFF),
         row(0x607A, 0, I32, "rw R T"),
         *(row(0x607D, sub, I32, "rw R T") for sub in (1, 2)),
+        row(0x607E, 0, U8, "rw R T"),
         row(0x607F, 0, U32, "rw R T", round(FACTORY_SPEED * words.velocity_units_per_rpm)),
         *(row(index, 0, U32, "rw R T", ramp, 1) for index in (0x6083, 0x6084, 0x6085)),
         row(0x60B0, 0, I32, "rw R T"),

@@ -10,6 +10,7 @@ from artemis.states.mode import (
     STOPPING,
     Routine,
     RoutineMode,
+    change_time,
     come_to_rest,
     finish_jobs,
     is_second,
@@ -20,7 +21,7 @@ from artemis.supervision import catalogue
 from artemis.values import JobKind, Snapshot, Wish
 
 OFF_TIME = 0.5
-"""Longest time for the drives to report that they are off [s]."""
+"""Longest time for the drives to report that they are off [s], unless one is allowed more."""
 IDLE = Wish(traction=Goal.DISABLED, steering=Goal.DISABLED, supervised=False, phase="ending")
 _OFF_STATES = (DriveState.SWITCH_ON_DISABLED, DriveState.FAULT, DriveState.NOT_READY, DriveState.START)
 
@@ -33,7 +34,7 @@ class EndMode(RoutineMode):
         shared, plan, bring_up = self.shared, self.plan, self.bring_up
         if bring_up.connected:
             snapshot = yield from come_to_rest(shared, replace(STOPPING, supervised=False), snapshot)
-            latest = snapshot.time + OFF_TIME
+            latest = snapshot.time + change_time(plan, OFF_TIME)
             while snapshot.time < latest:
                 snapshot = yield IDLE
                 if all(drive.state in _OFF_STATES for drive in snapshot.sensed.drives):

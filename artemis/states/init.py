@@ -31,7 +31,8 @@ from artemis.supervision.measures import FAULT_STATES
 from artemis.values import RESETS, DriveFeedback, Event, JobKind, Request, Snapshot, Wish
 
 ANSWER_TIME = 1.5
-"""Longest time for a state to be reached that needs no motion [s], unless a drive is allowed more."""
+"""Longest time for a state to be reached that needs no motion [s], unless a drive is allowed more; and for a lost
+heartbeat to be noticed, for which none is."""
 HEARTBEATS = 5
 """Ticks with our heartbeat before it is withheld: a drive begins to watch with the first it hears."""
 WATCH_TIME = 0.2
@@ -88,7 +89,8 @@ class InitMode(RoutineMode):
         that are `forgetful`, or left the exchange of process data, have their communication reset and are configured
         again.
         """
-        snapshot = yield from self._until(_off, WAKING, "COM-08", "no process data after configuration", snapshot)
+        change = change_time(self.plan, ANSWER_TIME)
+        snapshot = yield from _until(_off, WAKING, change, "COM-08", "no process data after configuration", snapshot)
         for _ in range(HEARTBEATS):
             last_beat = snapshot.time
             snapshot = require_healthy((yield WAKING))
@@ -101,7 +103,7 @@ class InitMode(RoutineMode):
             return drive.state is DriveState.FAULT or stopped
 
         earliest, problem = last_beat + WATCH_TIME, "no fault without our heartbeat"
-        snapshot = yield from self._until(is_lost, WITHHOLDING, "COM-30", problem, snapshot, earliest)
+        snapshot = yield from _until(is_lost, WITHHOLDING, ANSWER_TIME, "COM-30", problem, snapshot, earliest)
         unheard = [name for name in self.plan.drives() if name not in missed]
         if unheard:  # an EMCY is sent once and may be lost; the drive remembers
             histories = self.bring_up.jobs(JobKind.READ_HISTORY, unheard)
@@ -120,37 +122,38 @@ class InitMode(RoutineMode):
                 told, snapshot = yield from finish_jobs(RESETTING, orders)
                 if fault := failure(told):
                     raise Failed(SILENT, fault)
-        snapshot = yield from self._until(_off, RESETTING, "COM-08", "fault reset refused", snapshot)
+        snapshot = yield from _until(_off, RESETTING, change, "COM-08", "fault reset refused", snapshot)
         self.bring_up.proving = False
         return snapshot
 
-    def _until(
-        self,
-        done: Callable[[DriveFeedback], bool],
-        wish: Wish,
-        id: str,
-        problem: str,
-        snapshot: Snapshot,
-        earliest: float = 0.0,
-    ) -> Routine:
-        """Yield `wish` until every drive is `done`; those that are not in time are the fault `id`.
 
-        Before `earliest` [s of the run] no drive may be in fault; none may restart.
-        """
-        latest = snapshot.time + change_time(self.plan, ANSWER_TIME)
-        while True:
-            snapshot = yield wish
-            if snapshot.time < earliest:
-                require_healthy(snapshot)
-            else:
-                require_no_restart(snapshot)
-            waiting = [drive for drive in snapshot.sensed.drives if not done(drive)]
-            if not waiting:
-                return snapshot
-            if snapshot.time > latest:
-                seen = f"{problem}; state {waiting[0].state.value}"
-                id = "COM-01" if waiting[0].state is DriveState.FAULT else id
-                raise Failed(SILENT, catalogue.fault(id, waiting[0].name, seen))
+def _until(
+    done: Callable[[DriveFeedback], bool],
+    wish: Wish,
+    longest: float,
+    id: str,
+    problem: str,
+    snapshot: Snapshot,
+    earliest: float = 0.0,
+) -> Routine:
+    """Yield `wish` until every drive is `done`; those that are not within `longest` [s] are the fault `id`.
+
+    Before `earliest` [s of the run] no drive may be in fault; none may restart.
+    """
+    latest = snapshot.time + longest
+    while True:
+        snapshot = yield wish
+        if snapshot.time < earliest:
+            require_healthy(snapshot)
+        else:
+            require_no_restart(snapshot)
+        waiting = [drive for drive in snapshot.sensed.drives if not done(drive)]
+        if not waiting:
+            return snapshot
+        if snapshot.time > latest:
+            seen = f"{problem}; state {waiting[0].state.value}"
+            id = "COM-01" if waiting[0].state is DriveState.FAULT else id
+            raise Failed(SILENT, catalogue.fault(id, waiting[0].name, seen))
 
 
 def require_healthy(snapshot: Snapshot) -> Snapshot:

@@ -242,3 +242,10 @@ def test_make_test_all_leaves_nothing_out_and_is_done_every_night() -> None:
     for target in ("test", "test-ci", "core-coverage"):
         assert f"\nstep make --no-print-directory {target}\n" in change
     assert '"make --no-print-directory docs"\n' in change
+
+
+def test_a_compilation_that_fails_beside_the_tests_is_named_and_leaves_no_file() -> None:
+    lines = (ROOT / ".ci/run").read_text().splitlines()
+    assert not any(line.startswith("step wait") for line in lines), "a process id names nothing"
+    at = lines.index('wait "$compiler" || failed+=("make fast")')
+    assert lines[at + 1 : at + 3] == ['cat "$compiling"', 'rm "$compiling"']

@@ -134,6 +134,30 @@ def test_each_robot_to_begin_with_is_the_one_of_the_examples_and_makes_a_mission
     runpy.run_path(str(tmp_path / "test_first.py"))["test_first_mission_aligns_the_wheels_and_follows_its_path"]()
 
 
+@pytest.mark.parametrize(("like", "axle"), [("artemis", "front"), ("tricycle", "rear"), ("small-car", "rear")])
+def test_the_track_that_is_asked_for_is_the_one_of_the_robot_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, like: str, axle: str
+) -> None:
+    answer(monkeypatch, like, *[""] * len(QUESTIONS))
+    asked = artemis_here("init", tmp_path).stdout
+    assert f"Track: between the contact points of the {axle} wheels [m]" in asked
+    assert ("Scrub radius" in asked, "Distance of the kingpins" in asked) == (like != "small-car", like == "small-car")
+
+
+@pytest.mark.parametrize(("kingpins", "scrub"), [("0.34", 0.03), ("0,4", 0.0), ("0.5", 0.0)])
+@pytest.mark.parametrize("like", ["rear-driven", "small-car"])
+def test_with_driven_rear_wheels_the_kingpins_are_as_far_apart_as_was_answered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, like: str, kingpins: str, scrub: float
+) -> None:
+    """Or as near as the robot file can tell: not farther apart than the driven wheels."""
+    answer(monkeypatch, like, "", "", "0.4", kingpins, *[""] * len(QUESTIONS))
+    made = artemis_here("init", tmp_path)
+    assert made.returncode == 0, made.stderr
+    geometry = load_model(tmp_path / "robots/robot.yaml", RobotFile).geometry
+    assert (geometry.track_m, geometry.scrub_radius_m) == (0.4, scrub)
+    assert geometry.kingpin_distance_m == pytest.approx(min(0.4, float(kingpins.replace(",", "."))))
+
+
 @pytest.mark.parametrize(
     "like", ["small-car", *(pytest.param(name, marks=pytest.mark.exhaustive) for name in LIKE if name != "small-car")]
 )
@@ -149,10 +173,18 @@ def test_the_first_mission_of_another_robot_is_driven(
     assert "result        done" in done.stdout
 
 
-def test_a_robot_to_begin_with_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    done = artemis_here("init", "--yes", "--like", "smallcar", tmp_path / "new")
+@pytest.mark.parametrize(
+    ("like", "hint"),
+    [
+        ("smallcar", "nearest is 'small-car', there are artemis"),
+        *((far, "there are artemis") for far in ("foo", "x", "")),
+    ],
+)
+def test_a_robot_to_begin_with_that_is_not_there_is_refused(tmp_path: Path, like: str, hint: str) -> None:
+    """What is far from every name is not called near one."""
+    done = artemis_here("init", "--yes", "--like", like, tmp_path / "new")
     assert done.returncode == 2
-    assert "--like smallcar: no such robot; nearest is 'small-car', there are artemis, epos4," in done.stderr
+    assert f"--like {like}: no such robot; {hint}, epos4," in done.stderr
     assert not (tmp_path / "new").exists()
 
 

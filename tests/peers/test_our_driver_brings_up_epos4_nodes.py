@@ -169,6 +169,7 @@ def described(name: str, **words: object) -> Drive:
     of_role = {"operating_mode": 9} if drive.role == "traction" else {"operating_mode": 8, "analog_inputs": ANALOG}
     given = drive.model_dump(exclude_unset=True)
     del given["motor"]["torque_constant_mnm_per_a"], given["si_gains"]
+    given["sensor"].pop("inverted", None)
     changes = {"family": "cia402", "hardware_version": 0x61500000, "cia402": {**PROFILE, **of_role, **words}}
     return Drive(**{**given, **changes})
 

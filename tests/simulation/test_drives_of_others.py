@@ -142,3 +142,58 @@ def test_words_that_a_drive_does_not_know_are_refused(
 
     with pytest.raises(ConfigError, match=problem):
         load_mission(mission)
+
+
+@pytest.mark.parametrize("robot", ["artemis_epos4.yaml", "artemis_absolute.yaml"])
+def test_the_robot_files_of_epos4_keep_no_direction_that_another_program_left_in_an_encoder(
+    tmp_path: Path, robot: str
+) -> None:
+    align = {"calibrate": {"steering": "align"}}
+    rig = brought_up(tmp_path, robot, {ENCODER_TYPE: 0x0010 | 1}, "steer-left", steps=(align,))
+
+    assert rig.run().status == 0
+
+    assert int(rig.drive("steer-left").read(*ENCODER_TYPE)) & 0x10 == 0
+
+
+CIA402 = "artemis_cia402.yaml"
+PROFILE_VELOCITY, CYCLIC_VELOCITY = 3, 9
+INVERSE = 0xC0
+"""Both bits of 0x607E: of positions and of velocities."""
+
+
+def words_of(node: str, **changes: object) -> dict[str, Any]:
+    """The words of a CiA 402 drive, with changes to its `cia402`."""
+    known = yaml.safe_load(robot_text(CIA402))["drives"][node]["cia402"]
+    return {"cia402": {**known, **changes}}
+
+
+@pytest.mark.parametrize("mode", [PROFILE_VELOCITY, CYCLIC_VELOCITY])
+@pytest.mark.parametrize(("index", "left"), [(0x607E, INVERSE), (0x607E, 0x40), (0x60B0, 50), (0x60B1, 50)])
+def test_what_turns_a_cia402_drive_around_or_adds_to_its_set_points_is_cleared_in_every_mode(
+    tmp_path: Path, mode: int, index: int, left: int
+) -> None:
+    words = words_of("traction-left", operating_mode=mode)
+    rig = brought_up(tmp_path, CIA402, {(index, 0): left}, "traction-left", words)
+
+    run = rig.run()
+
+    assert (run.status, run.fault_ids) == (0, [])
+    assert rig.drive("traction-left").read(index, 0) == 0
+
+
+def test_the_polarity_that_the_robot_file_says_is_kept(tmp_path: Path) -> None:
+    setting = {"index": 0x607E, "type": "u8", "value": INVERSE}
+    rig = brought_up(tmp_path, CIA402, {}, "steer-left", words_of("steer-left", settings=[setting]))
+
+    assert rig.run().status == 0
+
+    assert rig.drive("steer-left").read(0x607E, 0) == INVERSE
+
+
+@pytest.mark.parametrize("index", [0x60B0, 0x60B1, 0x60B2])
+def test_offsets_are_no_settings(tmp_path: Path, index: int) -> None:
+    words = words_of("steer-left", settings=[{"index": index, "type": "i32", "value": 5}])
+
+    with pytest.raises(ConfigError, match=f"0x{index:04X}:0 is written by artemis"):
+        brought_up(tmp_path, CIA402, {}, "steer-left", words)

@@ -1,4 +1,4 @@
-"""Whole runs on servo drives whose encoders count finely: their 32-bit counters come around on the way."""
+"""Whole runs on servo drives whose encoders count finely: their 32-bit counters overflow on the way."""
 
 from __future__ import annotations
 

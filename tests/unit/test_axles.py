@@ -258,6 +258,41 @@ def test_a_drive_that_is_asked_for_its_sto_inputs_shows_that_they_are_open(
     assert "never" not in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("off", [(), ("traction", "steering"), ("traction",)])
+def test_drives_that_take_each_set_point_at_once_never_say_that_one_is_late(
+    off: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = yaml.safe_load((ROBOTS / "artemis_epos4.yaml").read_text())
+    for drive in words["drives"].values():
+        drive["interpolation"] = drive["role"] not in off
+    file = tmp_path / "robot.yaml"
+    file.write_text(yaml.safe_dump(words))
+    show_faults(["DRV-38"], False, file)
+    assert ("never noticed on ARTEMIS with EPOS4: " in capsys.readouterr().out) is (len(off) == 2)
+
+
+@pytest.mark.parametrize(
+    ("type", "closed", "fits"),
+    [
+        ("u8", 0xFF, True), ("u8", 0x100, False), ("u8", 0x300, False), ("u8", 0x101, False),
+        ("i8", 0x80, True), ("i8", 0x180, False), ("u16", 0x300, True), ("u16", 0x10000, False),
+        ("u32", 0xFFFFFFFF, True),
+    ],
+)  # fmt: skip
+def test_inputs_for_safe_torque_off_are_closed_by_bits_that_their_object_has(
+    type: str, closed: int, fits: bool, tmp_path: Path
+) -> None:
+    sto = {"index": 0x2600, "type": type, "closed": closed}
+    file = steered_by_cia402(tmp_path, SWITCH, sto=sto)
+    if fits:
+        load_model(file, RobotFile)
+        return
+    with pytest.raises(ConfigError) as refused:
+        load_model(file, RobotFile)
+    (problem,) = refused.value.problems
+    assert f"drives.steering.cia402.sto.closed: 0x{closed:X} has bits that no {type} has" in problem
+
+
 # --------------------------------------------------------------------------------------------- what shows the angle
 
 CIA402 = {
@@ -297,7 +332,12 @@ def test_a_lost_heartbeat_is_a_fault_or_ends_the_exchange_of_process_data(
         load_model(file, RobotFile)
     (problem,) = refused.value.problems
     assert "drives.steering.cia402.settings[0].value: " in problem
-    assert f"with {value} the drive does not leave Operational" in problem
+    what = (
+        "would be Stopped when our heartbeat is lost, where nobody can ask it"
+        if value == 2
+        else "does not leave Operat"
+    )
+    assert f"with {value} the drive {what}" in problem
     assert problem.endswith("write 0 here, or `abort_connection: 1`")
 
 

@@ -92,7 +92,7 @@ def test_an_encoder_that_is_too_fine_for_the_family_is_refused(
 
 
 def test_a_steered_wheel_that_counts_beyond_32_bits_is_refused(tmp_path: Path) -> None:
-    """Its set-points would come around to the other end of the counter."""
+    """Its set-points would overflow to the other end of the counter."""
     problems = refused(tmp_path, "artemis_cia402", lambda words: with_counts(words, 1 << 23))
     text = "from lock to lock, 129 degrees of the wheel, CiA 402 drive would count 2.839e+09 (gear_ratio 946); its"
     text += " positions have 32 bit: expected at most 6345567, found 8388608"
@@ -114,7 +114,7 @@ def test_the_stops_of_a_steering_motor_are_counted_too(tmp_path: Path) -> None:
 
 def test_a_motor_that_passes_half_of_the_counter_between_messages_is_refused(tmp_path: Path) -> None:
     problems = refused(tmp_path, "artemis_cia402", lambda words: with_counts(words, 1 << 26, "traction"))
-    text = "at 3190 rpm (max_speed_rpm) its 32-bit position counter would come around in less than a second: expected"
+    text = "at 3190 rpm (max_speed_rpm) its 32-bit position counter would overflow in less than a second: expected"
     text += " at most 53855389, found 67108864"
     assert problems == [f"drives.traction-{side}.sensor.counts_per_turn: {text}" for side in ("left", "right")]
 
@@ -145,3 +145,24 @@ def test_units_in_which_a_speed_or_a_ramp_does_not_fit_are_refused(
 
     problems = refused(tmp_path, "artemis_cia402", scaled)
     assert problems == [f"drives.traction-{side}.cia402.{key}: {text}" for side in ("left", "right")]
+
+
+@pytest.mark.parametrize(
+    ("absent", "problem"),
+    [
+        ([], "19583 rpm/s would be 19583333098 units"),
+        ([0x6083, 0x6084], "5875 rpm/s would be"),
+        ([0x6083, 0x6085], "19583 rpm/s would be 19583333098 units"),
+        ([0x6083, 0x6084, 0x6085], ""),
+    ],
+)
+def test_ramps_for_which_a_drive_has_no_object_need_not_fit(tmp_path: Path, absent: list[int], problem: str) -> None:
+    def scaled(words: Words) -> None:
+        for drive in words["drives"].values():
+            if drive["role"] == "traction":
+                drive["cia402"] = {**drive["cia402"], "acceleration_units_per_rpm_s": 1e6, "absent": absent}
+
+    if not problem:
+        read(tmp_path, "artemis_cia402", scaled)
+        return
+    assert all(problem in each for each in refused(tmp_path, "artemis_cia402", scaled))

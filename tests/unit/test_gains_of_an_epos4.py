@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 from pathlib import Path
 from typing import Any
@@ -11,13 +12,16 @@ from gains_rig import ROBOT, SETTLED, storing
 
 from artemis.commands import calibrate_gains as command
 from artemis.commands.calibrate_gains import Wanted, trial_from
-from artemis.commands.gains_auto import calibrate_auto
+from artemis.commands.gains_auto import Identified, calibrate_auto
 from artemis.commands.gains_trial import Findings, Trial, write_mission
+from artemis.devices.can_bus import FrameBus
 from artemis.drive_schema import SiGains
 from artemis.errors import ConfigError
 from artemis.mission.actions import NewGains
-from artemis.mission.loading import load_mission
+from artemis.mission.loading import LoadedMission, load_mission
 from artemis.planning import plan_from
+from artemis.sim.bus import SimBus
+from artemis.sim.world import World
 from artemis.states.gains import GainsStep
 
 LEFT, DRIVEN, OTHER = "steer-left", "traction-left", "traction-right"
@@ -104,6 +108,64 @@ def test_the_robot_file_s_gains_are_shown_beside_the_drives(tmp_path: Path, caps
     assert lines[2].split() == [DRIVEN, "robot", "file", "1.17188,3906.25", "0.024,0.9", "1.5,0.78,0.016"]
     assert lines[3].split() == ["drive", "1.17188,3906.25", "0.02,0.5", "*", "1.5,0.78,0.016"]
     assert len({line.index("1.5,0.78") for line in lines[2:4]} | {lines[1].index("position P")}) == 1
+
+
+@pytest.mark.parametrize("structure", [0x10101, 0x10111, 0x10121])
+@pytest.mark.parametrize("said", [None, False, True])
+def test_the_structure_that_a_drive_s_gains_are_for_is_shown_beside_them(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    structure: int,
+    said: bool | None,
+) -> None:
+    """0x3000:2, second hexadecimal digit: 1 is the low pass, 2 the observer."""
+    path = mission(tmp_path)
+    robot = tmp_path / "robots" / "robot.yaml"
+    gains = "si_gains: {current: [1.17188, 3906.25], velocity: [0.02, 0.5], position: [1.5, 0.78, 0.016]"
+    assert gains in robot.read_text()
+    instead = gains + f", observer: {str(said).lower()}" if said is not None else "# {"
+    robot.write_text(robot.read_text().replace(gains, instead))
+
+    def left(loaded: LoadedMission, simulated: bool) -> FrameBus:
+        loop = asyncio.get_running_loop()
+        world = World(loaded.robot, loaded.true_robot, start=loop.time())
+        world.drive(LEFT).poke(0x3000, 2, structure)
+        return SimBus(world, loaded.robot.bitrate, loop)
+
+    monkeypatch.setattr(command, "open_bus", left)
+
+    assert command.calibrate_gains(path, Wanted(drives=(LEFT,), gains={})) == 0
+
+    file, drive, *rest = capsys.readouterr().out.splitlines()[2:]
+    has = structure == 0x10121
+    differs = said is not None and said != has
+    assert file.endswith("  observer: true") is bool(said)
+    assert drive.endswith(f"  observer: {str(has).lower()}{' *' * differs}") is (has or differs)
+    assert bool(rest) is differs
+
+
+@pytest.mark.parametrize(
+    ("name", "observer", "told"), [(DRIVEN, True, True), (DRIVEN, False, False), (LEFT, True, False)]
+)
+def test_gains_that_are_found_are_for_no_observer(tmp_path: Path, name: str, observer: bool, told: bool) -> None:
+    """That of the velocity regulator: steered wheels get others of the position regulator."""
+    robot = load_mission(mission(tmp_path)).robot
+    gains = robot.drives[name].si_gains
+    assert gains is not None
+    drive = robot.drives[name].model_copy(update={"si_gains": gains.model_copy(update={"observer": observer})})
+    robot = robot.model_copy(update={"drives": {**robot.drives, name: drive}})
+    trial = Trial(drives=(name,), role=drive.role, side=drive.side, step=0.2, new=None)
+
+    lines = list(Identified(robot, trial).lines())
+
+    assert (
+        any(
+            line.endswith(f"{name}: computed as a plain PI loop, without the observer (si_gains.observer)")
+            for line in lines
+        )
+        is told
+    )
 
 
 @pytest.mark.exhaustive

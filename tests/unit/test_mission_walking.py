@@ -117,6 +117,7 @@ def test_mission_that_is_a_list_is_walked_too() -> None:
         ("fault", "does not end so"),
         ("blocked", "does not end so"),
         ("fault:DRV-2x", "no fault 'DRV-2x' in the fault table; nearest is 'DRV-"),
+        ("fault:x", "no fault 'x' in the fault table; `artemis faults` shows it"),
         ({"battery": 3.0}, "unknown signal 'battery'; nearest is 'battery_v'"),
         ({"battery_v": True}, "battery_v is a number"),
         ({"stick.done": 1.0}, "stick.done is true or false"),

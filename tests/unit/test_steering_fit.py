@@ -54,6 +54,12 @@ def test_zero_and_slope_of_exact_readings_are_exact() -> None:
     assert max(fit.zero_std_v) < 1e-9
 
 
+def test_what_is_not_fitted_is_kept() -> None:
+    known = KNOWN.model_copy(update={"supply_v": 10.0})
+    fit = fitted(lines_through(passes()), 0.0, 0.0, known)
+    assert fit.calibration == known.model_copy(update={"zero_v": ZEROS, "slope_deg_per_v": SLOPES})
+
+
 def test_play_is_told_and_does_not_move_the_zero() -> None:
     fit = fitted(lines_through(passes(play_deg=0.6)), 0.0, 0.0, KNOWN)
     assert fit.backlash_deg == pytest.approx(0.6)
