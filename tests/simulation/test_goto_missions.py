@@ -153,7 +153,7 @@ def test_a_walk_knows_how_it_may_end(tmp_path: Path) -> None:
     path = mission(tmp_path)
     assert walk(path, "done", "no-path").ended == "no-path"
     with pytest.raises(
-        ConfigError, match="'goto gate' does not end so; nearest is 'lost', there are done, lost, no-path, fault:ID"
+        ConfigError, match="'goto gate' does not end so; there are done, lost, no-path, fault:ID"
     ):
         walk(path, "done", "blocked")
     assert walk(MISSIONS / "goto_blocked.yaml", "done", "blocked").ended == "failed"
