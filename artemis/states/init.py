@@ -90,7 +90,7 @@ class InitMode(RoutineMode):
         again.
         """
         change = change_time(self.plan, ANSWER_TIME)
-        snapshot = yield from _until(_off, WAKING, change, "COM-08", "no process data after configuration", snapshot)
+        snapshot = yield from until(_off, WAKING, change, "COM-08", "no process data after configuration", snapshot)
         for _ in range(HEARTBEATS):
             last_beat = snapshot.time
             snapshot = require_healthy((yield WAKING))
@@ -103,7 +103,7 @@ class InitMode(RoutineMode):
             return drive.state is DriveState.FAULT or stopped
 
         earliest, problem = last_beat + WATCH_TIME, "no fault without our heartbeat"
-        snapshot = yield from _until(is_lost, WITHHOLDING, ANSWER_TIME, "COM-30", problem, snapshot, earliest)
+        snapshot = yield from until(is_lost, WITHHOLDING, ANSWER_TIME, "COM-30", problem, snapshot, earliest)
         unheard = [name for name in self.plan.drives() if name not in missed]
         if unheard:  # an EMCY is sent once and may be lost; the drive remembers
             histories = self.bring_up.jobs(JobKind.READ_HISTORY, unheard)
@@ -122,12 +122,12 @@ class InitMode(RoutineMode):
                 told, snapshot = yield from finish_jobs(RESETTING, orders)
                 if fault := failure(told):
                     raise Failed(SILENT, fault)
-        snapshot = yield from _until(_off, RESETTING, change, "COM-08", "fault reset refused", snapshot)
+        snapshot = yield from until(_off, RESETTING, change, "COM-08", "fault reset refused", snapshot)
         self.bring_up.proving = False
         return snapshot
 
 
-def _until(
+def until(
     done: Callable[[DriveFeedback], bool],
     wish: Wish,
     longest: float,

@@ -23,7 +23,7 @@ from artemis.devices.epos_state import Controlword
 from artemis.drive_states import Goal, Nmt
 from artemis.states import homing
 from artemis.states.alignment import enable
-from artemis.states.init import RESETTING, WAKING
+from artemis.states.init import ANSWER_TIME, RESETTING, WAKING, until
 from artemis.states.mode import ON
 from artemis.supervision import catalogue
 from artemis.values import Action, Event, Fault, Mode, Request
@@ -112,8 +112,8 @@ async def _nothing(*_: Any) -> tuple[int, ...]:
 
 
 def _unproven(self: Any, snapshot: Any, *_: Any) -> Any:
-    snapshot = yield from self._until(lambda drive: drive.age is not None, WAKING, "COM-08", "", snapshot)
-    return (yield from self._until(lambda drive: True, RESETTING, "COM-08", "", snapshot))
+    snapshot = yield from until(lambda drive: drive.age is not None, WAKING, ANSWER_TIME, "COM-08", "", snapshot)
+    return (yield from until(lambda drive: True, RESETTING, ANSWER_TIME, "COM-08", "", snapshot))
 
 
 def _quick_stop_ignored(original: Any) -> Any:
