@@ -604,7 +604,7 @@ BUGS: tuple[Bug, ...] = (
         "all ground behind is known",
         "box behind",
         "I14",
-        {f"{STOP}.Ground.known": becomes(lambda _self, curvatures, _now: [math.inf] * len(curvatures))},
+        {f"{STOP}.Ground.known": becomes(lambda _self, curvatures, *_, **__: [math.inf] * len(curvatures))},
     ),
     Bug("age of the newest scan is ignored", "wall in the way, late scans", "I14", {f"{VIEW}.age": _always_new}),
     Bug("points are not carried on", "wall in the way, late scans", "I14", {f"{VIEW}.take": _left_where_they_were}),

@@ -152,9 +152,7 @@ def test_a_robot_without_outline_is_refused(tmp_path: Path) -> None:
 def test_a_walk_knows_how_it_may_end(tmp_path: Path) -> None:
     path = mission(tmp_path)
     assert walk(path, "done", "no-path").ended == "no-path"
-    with pytest.raises(
-        ConfigError, match="'goto gate' does not end so; there are done, lost, no-path, fault:ID"
-    ):
+    with pytest.raises(ConfigError, match="'goto gate' does not end so; there are done, lost, no-path, fault:ID"):
         walk(path, "done", "blocked")
     assert walk(MISSIONS / "goto_blocked.yaml", "done", "blocked").ended == "failed"
     assert walk(path, "done").at == "goto gate"
