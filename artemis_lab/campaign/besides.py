@@ -30,7 +30,7 @@ def besides(seed: int, mission: dict[str, Any], files: dict[str, str], length: f
         return
     if dice.random() < WAITS:
         mission["supervision"] = {"wait_for_arm": True}
-        arms = sorted(dice.uniform(0.0, length) for _ in range(dice.randint(1, 3)))
+        arms = [dice.uniform(0.0, length) for _ in range(dice.randint(0, 2))] + [length]  # early ones count for nothing
         acts += [{"at_s": round(time, 4), "do": "arm"} for time in arms]
     if dice.random() < ANYWHERE:
         times = [dice.uniform(0.0, length) for _ in range(dice.randint(1, 4))]

@@ -171,8 +171,9 @@ def _fastest(look: Look, blocked: bool) -> float:
 def moves_after_acknowledgment(e: Evidence) -> Iterator[Violation]:
     """I6: after an acknowledgment the robot stands until it is armed."""
     acknowledged = e.acts("acknowledge") + [i.time for i in e.injected if i.id.startswith("OPR")]
+    ignored = {line.time for line in e.journal.of("request") if line.data.get("ignored")}
     for time in acknowledged:
-        if e.journal.mode_at(time) not in ("fault", "quickstop"):
+        if e.journal.mode_at(time) not in ("fault", "quickstop") or time in ignored:  # it was armed already
             continue
         armed = min((arm for arm in e.acts("arm") if arm > time), default=inf)
         if _is_during(e, PUSHED, time, armed):
