@@ -50,7 +50,7 @@ def asked_of_traction(drive: Drive, metres_per_count: float, speed: float, quick
 def asked_of_steering(drive: Drive, geometry: Geometry, steering_deg: float, source: AnyAngleSource) -> Commanded:
     """For a largest angle of the virtual front wheel, and what tells its own angle."""
     way = _way_deg(geometry, steering_deg, source)
-    counts = drive.sensor.counts_per_turn * drive.gear_ratio / source.scale / 360.0 * way
+    counts = drive.counts_per_wheel_turn / source.scale / 360.0 * way
     ramp, top = STEERING_RAMP, drive.motor.max_speed_rpm
     return Commanded(top_rpm=top, ramp_rpm_s=ramp, quick_stop_rpm_s=ramp, way_deg=way, way_counts=counts)
 

@@ -158,8 +158,18 @@ class Drive(Config):
         """Lag behind its set-point beyond which it stops [counts]; of a traction drive, what it comes with."""
         if self.following_error_counts is not None:
             return self.following_error_counts
-        wheel = self.sensor.counts_per_turn * self.gear_ratio
-        return FACTORY_LAG if self.role == "traction" else min(max(1, round(USUAL_LAG_DEG / 360.0 * wheel)), 0xFFFFFFFF)
+        usual = min(max(1, round(USUAL_LAG_DEG / 360.0 * self.counts_per_wheel_turn)), 0xFFFFFFFF)
+        return FACTORY_LAG if self.role == "traction" else usual
+
+    @property
+    def counts_per_wheel_turn(self) -> float:
+        """What its sensor counts in one turn of the wheel, through the gear."""
+        return self.sensor.counts_per_turn * self.gear_ratio
+
+    @property
+    def interpolates(self) -> bool:
+        """It is told how often set-points come, and moves evenly from one to the next."""
+        return self.tables.interpolates and self.interpolation
 
     @property
     def tables(self) -> Family:

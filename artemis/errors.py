@@ -107,9 +107,14 @@ def writable(text: object) -> str:
 def similar(word: str, names: Iterable[str]) -> str:
     """The names in a message about an unknown one, after the nearest, if one is near; empty where there are none."""
     names = list(names)
-    nearest = difflib.get_close_matches(word, names, n=1, cutoff=_NEAR)
     there = f"there are {', '.join(names)}" if names else ""
-    return f"nearest is '{nearest[0]}', {there}" if nearest else there
+    return ", ".join(filter(None, (nearest_of(word, names), there)))
+
+
+def nearest_of(word: str, names: Iterable[str]) -> str:
+    """The nearest of the names in such a message; empty where none is near."""
+    nearest = difflib.get_close_matches(word, list(names), n=1, cutoff=_NEAR)
+    return f"nearest is '{nearest[0]}'" if nearest else ""
 
 
 def shown(value: object) -> str:

@@ -289,7 +289,7 @@ def _traction(robot: RobotFile) -> Problems:
     around = {}
     for side in robot.sides("traction"):
         name, drive = robot.drive_at("traction", side)
-        rolled, counts = robot.metres_per_count(side), drive.sensor.counts_per_turn * drive.gear_ratio
+        rolled, counts = robot.metres_per_count(side), drive.counts_per_wheel_turn
         around[side] = rolled * counts
         key = "calibration", "traction", f"{side}_m_per_count"
         try:
@@ -331,7 +331,7 @@ def _steering(robot: RobotFile) -> Problems:
                 f"{limits.steering_rate_wheel_deg_s:g} degrees/s is more than the {highest:.3g} degrees/s of {name}: "
                 f"max_speed_rpm {drive.motor.max_speed_rpm} rpm, gear_ratio {drive.gear_ratio:g}",
             )
-        error = drive.lag_counts / (drive.sensor.counts_per_turn * drive.gear_ratio) * 360
+        error = drive.lag_counts / drive.counts_per_wheel_turn * 360
         if drive.following_error_counts is not None and not 0.01 <= error <= 45:
             text = f"{drive.lag_counts} counts are {error:.3g} degrees of the wheel; expected 0.01 to 45"
             yield ("drives", name, "following_error_counts"), text

@@ -211,9 +211,7 @@ class _Loading(SurroundingsChecks):
 
     def _check_drives(self, robot: RobotFile) -> None:
         """Drives that interpolate are given the period of set-points in whole ms."""
-        interpolating = [
-            name for name, drive in robot.drives.items() if drive.tables.interpolates and drive.interpolation
-        ]
+        interpolating = [name for name, drive in robot.drives.items() if drive.interpolates]
         tick_hz = self._data.get("tick_hz")
         if interpolating and isinstance(tick_hz, int) and tick_hz > 0 and 1000 % tick_hz:
             rates = ", ".join(str(rate) for rate in range(25, 201) if not 1000 % rate)
@@ -228,7 +226,7 @@ class _Loading(SurroundingsChecks):
     def _check_search(self, robot: RobotFile, source: HardStop, tick_hz: int) -> None:
         """A drive lets its motor lag as far as the search for a hard stop has it held."""
         name, drive = robot.drive_at("steering", "left")
-        degree = drive.sensor.counts_per_turn * drive.gear_ratio / 360.0 / source.scale
+        degree = drive.counts_per_wheel_turn / 360.0 / source.scale
         needed = ceil(degrees(lag_of_search(1.0 / tick_hz)) * degree)
         if drive.lag_counts < needed and any(object == FOLLOWING_ERROR for object, _ in drive.tables.configuration):
             text = (

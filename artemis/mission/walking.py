@@ -7,7 +7,7 @@ from pathlib import Path as FilePath
 
 from msgspec.structs import replace
 
-from artemis.errors import ConfigError, shown, similar
+from artemis.errors import ConfigError, nearest_of, shown, similar
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.tree import MissionTree
 from artemis.progress import DONE, Acted, MissionEvent, Position, SignalValue
@@ -195,8 +195,7 @@ def _impossible(made: MissionWalk, outcome: str) -> ConfigError:
     passive = made.found.passive[number]
     kind, _, id = outcome.partition(":")
     if kind == FAULT and id:
-        words = similar(id, ROWS)
-        near = words.partition(",")[0] if words.startswith("nearest") else "`artemis faults` shows it"
+        near = nearest_of(id, ROWS) or "`artemis faults` shows it"
         return ConfigError(f"no fault {id!r} in the fault table; {near}")
     answers = passive.answers if passive is not None else ()
     ends = made.found.outcomes[number] - ({DONE} if answers else set())

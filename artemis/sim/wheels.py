@@ -63,7 +63,7 @@ class SteeredWheel:
         """By potentiometer: 0 and 1."""
         self._axis = axis
         self._start = start
-        counts_per_turn = drive.sensor.counts_per_turn * drive.gear_ratio
+        counts_per_turn = drive.counts_per_wheel_turn
         source = robot.angle_source(drive.side)
         scale *= source.scale
         self._coupled = (-scale if drive.mirrored else scale) * math.tau / counts_per_turn

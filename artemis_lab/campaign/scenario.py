@@ -123,7 +123,7 @@ def scenario(seed: int, robot: RobotFile) -> Scenario:
     dice = random.Random(seed)
     draw = dice.choices((_follow, _teleop, _tree, _calibrate), (36, 30, 30, 4))[0]
     tick_hz = dice.choice((50, 50, 50, 50, 50, 50, 25, 40, 80, 100))
-    if 1000 % tick_hz and any(drive.tables.interpolates for drive in robot.drives.values()):
+    if 1000 % tick_hz and any(drive.interpolates for drive in robot.drives.values()):
         tick_hz = 50  # they are told the period in whole milliseconds
     steps, files, inputs, length = draw(dice, robot)
     words = {word for _, word, _ in steps_in(steps)}
