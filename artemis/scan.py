@@ -69,6 +69,12 @@ class Clearance(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False)
     distance: float = inf  # that it may drive [m]
     blocked: float = 0.0  # how long it has stood for an obstacle [s]; 0: it does not
     unseen: bool = False  # it stands because the ground was not seen
+    no_scan: bool = False  # it stands because a scanner has given no scan yet, or none for too long
+
+    @property
+    def holds(self) -> bool:
+        """Whether the robot stands for it."""
+        return self.blocked > 0.0 or self.no_scan
 
 
 def _numbers(packed: bytes) -> NDArray[np.uint16]:

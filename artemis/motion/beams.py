@@ -9,8 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from artemis.motion.arrays import Array
 from artemis.scan import Scan
 
+SAME: Array = np.array(150.0)
+"""Returns of neighbouring beams in two scans are of the same thing if they differ by less [mm]; what one beam alone
+showed once is dust. An array of no dimension: numpy takes half as long for it as for a number."""
 LOST = 0.17
 """A scanner is lost (LAS-01) after so long without a scan [s]."""
 PERIODS, SLOWEST = 2.5, 0.2
@@ -35,6 +39,22 @@ def seeing(degrees: NDArray[np.floating[Any]], mask: Sequence[tuple[float, float
     for first, last in mask:
         clear &= ~((wrapped >= first) & (wrapped <= last))
     return clear
+
+
+def widened(some: NDArray[np.bool_], count: int) -> NDArray[np.bool_]:
+    """Some beams, and so many to both sides of each."""
+    return np.asarray(np.convolve(some, np.ones(2 * count + 1), "same") > 0.5)
+
+
+def seen_twice(some: NDArray[np.bool_], ranges: Array, before: Array) -> NDArray[np.bool_]:
+    """Which of some beams show nearly what they, or those beside them, showed in the scan before."""
+    found, alone = some.copy(), ((np.abs(ranges - before) >= SAME) & some).nonzero()[0]
+    if alone.size:
+        there = ranges.take(alone)
+        found[alone] = (np.abs(there - before.take(alone - 1, mode="clip")) < SAME) | (
+            np.abs(there - before.take(alone + 1, mode="clip")) < SAME
+        )
+    return found
 
 
 class ScanPeriod:

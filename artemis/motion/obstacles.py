@@ -5,11 +5,12 @@ Deterministic: the same scans and odometry give the same ceilings, on every mach
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from math import cos, inf, radians, sin, tan
 
 import numpy as np
 
+from artemis.motion.arrays import Array
 from artemis.motion.beams import LOST
 from artemis.motion.ground import Ground
 from artemis.motion.sweep import Rectangle, free_distances, stopping_speed
@@ -25,6 +26,8 @@ CREEP = 0.1
 """Below this speed every return nearby counts [m/s]."""
 UNKNOWN_SPEED, UNKNOWN_DISTANCE = 0.15, 0.5
 """What stood within the least range when the run began was never seen: so slow [m/s], for so far [m]."""
+UNKNOWN_AFTER = 5.0
+"""The same holds after the robot stood for so long [s]: somebody may have stepped up from where no scanner looks."""
 REVERSE_SPEED = 0.2
 """Backwards, or forwards, where no scanner looks [m/s]."""
 UNSEEING_SPEED = 0.3
@@ -68,7 +71,7 @@ class ObstacleStop:
         self._views = {name: View(scanner, self._box, reach, lookahead) for name, scanner in robot.scanners.items()}
         horizon = self._horizon + max(map(_farther, rules), default=0.0)
         self._ground = Ground(self._box, self._views.values(), horizon)
-        self._low_since = self._free_since = self._blocked_since = inf
+        self._low_since = self._free_since = self._blocked_since = self._stands_since = inf
         self._at, self._unseen = 0.0, False
         self.reset()
 
@@ -88,23 +91,28 @@ class ObstacleStop:
             snapshot: of this tick.
             rules: of the mission's present step.
         """
-        self._see(snapshot)
+        now = snapshot.time
+        self._see(snapshot, now)
         if wish.reset_pose:
             self.reset()
+            self._at = 0.0
         towards = last.speed if last.speed != 0.0 else wish.command.speed
         if rules.mode == "off":
             return Clearance(speed=UNSEEING_SPEED)
         if towards == 0.0:
-            return self._judged(None, snapshot.time, rules)
-        found = self._free(wish.command.steering, last.steering, snapshot.time, rules, forward=towards > 0.0)
-        return self._judged(found, snapshot.time, rules)
+            return self._judged(None, now, rules)
+        found = self._free(wish.command.steering, last.steering, now, rules, forward=towards > 0.0)
+        return self._judged(found, now, rules)
 
-    def _see(self, snapshot: Snapshot) -> None:
+    def _see(self, snapshot: Snapshot, now: float) -> None:
         """Take what is new in a tick."""
         odometry = snapshot.odometry
         self._driven, self._at = self._driven + abs(odometry.distance - self._at), odometry.distance
         if odometry.uncounted:
             self.reset()
+        self._stands_since = min(self._stands_since, now) if snapshot.standing else inf
+        if now - self._stands_since >= UNKNOWN_AFTER:
+            self._driven = 0.0
         speed = odometry.speed * cos(odometry.steering)
         turn = odometry.speed * sin(odometry.steering) / self._wheelbase
         renewed = {scan.source for scan in snapshot.sensed.scans}
@@ -112,14 +120,16 @@ class ObstacleStop:
             view.move(odometry.pose, replaced=name in renewed)
         for scan in snapshot.sensed.scans:
             view = self._views[scan.source]
-            view.take(scan, snapshot.time, speed, turn, creeping=abs(odometry.speed) < CREEP)
-        self._ground.mark(odometry.pose, snapshot.time)
+            view.take(scan, now, speed, turn, creeping=abs(odometry.speed) < CREEP)
+        self._ground.mark(odometry.pose, now)
 
     def _judged(self, found: Clearance | None, now: float, rules: ObstacleRules) -> Clearance | None:
         """What was found, or nothing that may move, with how long the path has been blocked."""
-        if found is None or rules.mode == "slow":
+        if found is None or found.no_scan or (rules.mode == "slow" and not self._unseen):
             self._low_since = self._blocked_since = inf
-            return found and Clearance(speed=max(found.speed, SLOW_SPEED), distance=found.distance)
+            if found is None or found.no_scan:
+                return found
+            return Clearance(speed=max(found.speed, SLOW_SPEED), distance=found.distance)
         if found.speed >= BLOCKED_SPEED:
             self._low_since, self._free_since = inf, min(self._free_since, now)
             if now - self._free_since >= rules.free_after:
@@ -138,7 +148,7 @@ class ObstacleStop:
         views = self._views.values()
         age = max([view.age(now) for view in views])
         if age == inf:
-            return Clearance(speed=0.0, distance=0.0)
+            return Clearance(speed=0.0, distance=0.0, no_scan=True)
         reaction = REACTION + max(age, 0.0)
         turned = min(max(wanted - steering, -self._rate * reaction), self._rate * reaction)
         angles = [min(max(steering + turned * arc, -self._steering), self._steering) for arc in ARCS]
@@ -146,7 +156,11 @@ class ObstacleStop:
         curvatures = [tan(angle) / self._wheelbase for angle in angles]
         horizon = self._horizon + _farther(rules)
         near = np.concatenate([points for view in views for points in view.around()], 1)
-        free = free_distances(near, curvatures, self._box.grown(rules.margin), horizon, forward=forward)
+        grown = self._box.grown(rules.margin)
+        free = free_distances(near, curvatures, grown, horizon, forward=forward)
+        if not any(free):
+            near = self._not_left(near, curvatures, grown, forward=forward)
+            free = free_distances(near, curvatures, grown, horizon, forward=forward)
         distance = min([(roll - rules.clear) / cos(angle) for roll, angle in zip(free, angles, strict=True)])
         self._unseen = False
         if forward or not rules.unseen_reverse:
@@ -160,6 +174,16 @@ class ObstacleStop:
         if self._driven < UNKNOWN_DISTANCE:
             speed = min(speed, UNKNOWN_SPEED)
         return Clearance(speed=speed, distance=distance)
+
+    def _not_left(self, near: Array, curvatures: Sequence[float], grown: Rectangle, *, forward: bool) -> Array:
+        """Points without those within the margin before an end of the outline that the robot rolls away from.
+
+        They stay there, whatever the arc, where its centre lies outside the outline.
+        """
+        if max(map(abs, curvatures)) * grown.half_width >= 1.0:
+            return near
+        left = near[0] < self._box.rear if forward else near[0] > self._box.front
+        return np.asarray(near.take((~(left & grown.holds(near))).nonzero()[0], 1))
 
 
 def _farther(rules: ObstacleRules) -> float:

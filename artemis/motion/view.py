@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from artemis.motion.angles import wrap
+from artemis.motion.approaches import Approaches
 from artemis.motion.arrays import Array
-from artemis.motion.beams import ScanPeriod, seeing
+from artemis.motion.beams import SAME, ScanPeriod, seeing, seen_twice, widened
 from artemis.motion.movers import NOTHING, Movers
 from artemis.motion.poses import placed, seen_from
 from artemis.motion.sweep import Rectangle
@@ -19,9 +20,6 @@ from artemis.mounting import Mounting
 from artemis.scan import Scan
 from artemis.values import Pose
 
-SAME: Array = np.array(150.0)
-"""Returns of neighbouring beams in two scans are of the same thing if they differ by less [mm]; what one beam alone
-showed once is dust. Here and below an array of no dimension: numpy takes half as long for it as for a number."""
 NEAR = 0.3
 """So near the outline [m] every return counts while the robot creeps."""
 LEAVING, EDGE = 150, radians(4.0)
@@ -32,8 +30,11 @@ THINNED: Array = np.array(0.025)
 """Remembered points lie in cells of this width [m], one in each."""
 FAR = 1_000_000.0
 """Farther than anything [mm]."""
-NOTED, TURNED = 0.02, radians(1.0)
-"""They are noted after so much distance [m] or rotation."""
+NOTED, TURNED, NOTED_EVERY = 0.02, radians(1.0), 0.1
+"""They are noted after so much distance [m] or rotation, and so often where the robot stands [s]: others may move."""
+UP_TO = 0.1
+"""What has come nearer than the least range may stand as near to the outline as this [m]. (A robot that it may pass at
+less could not move at all.)"""
 SORTED_EVERY = 0.05
 """What moves is looked for, and what need not be remembered any more, so often [s]."""
 FASTEST_WALK = 2.0
@@ -67,11 +68,13 @@ class View:
         self._scanner, self._box, self._lookahead = scanner, box, lookahead
         self._near = box.grown(NEAR)
         self._movers = Movers()
+        self._beside_it = box.grown(UP_TO)
         self._x, self._y = np.array(float(scanner.x_m)), np.array(float(scanner.y_m))
         self.place: Array = np.array([[scanner.x_m], [scanner.y_m]])
         """Of the scanner [m]."""
         self.least = round(1000.0 * scanner.least_range_m)
         self._least: Array = np.array(float(self.least))
+        self._approaches = Approaches(float(self.least), hypot(scanner.x_m, scanner.y_m))
         self._far = round(1000.0 * (reach + FASTEST_WALK * lookahead))
         self.shape: tuple[float, float, int] | None = None
         """Bearing of the first beam, from one to the next [rad], and how many there are; None: no scan has come."""
@@ -92,7 +95,8 @@ class View:
         """As if nothing had been seen."""
         self._time, self._pose, self.millimetres = -inf, Pose(), np.zeros(0)
         self._period = ScanPeriod()
-        self._noted, self._continued = Pose(x=inf), False
+        self._noted, self._noted_at, self._continued = Pose(x=inf), -inf, False
+        self._approaches.forget()
         self._points, self._kept, self._coming = NOTHING, NOTHING, NOTHING
         self._movers.forget()
         self._sorted_at = -inf
@@ -164,14 +168,17 @@ class View:
         before, self.millimetres = self.millimetres if known else np.zeros_like(ranges), ranges
         self._period.take(scan)
         self._time = scan.time + scan.beam_time * len(ranges)
-        near = (ranges >= (1.0 if creeping else self._least)) & (ranges < self._farthest)
+        near = (ranges > 0.0) & (ranges < self._farthest)
+        if creeping:
+            self._look_for_approaches(ranges, near)
+        else:
+            self._approaches.note(ranges, near, self._pose)
         if not (self._kept.size or self.sees_motion or near.any()):
             self._points = self._coming = NOTHING
             return
-        counts = _seen_twice(near, ranges, before)
+        counts = seen_twice(near, ranges, before)
         points = self._seen(ranges, now - scan.time, scan.beam_time, speed, turn)
         if creeping:
-            counts &= ranges >= self.least
             counts |= near & self._is_close(ranges)
         beams = counts.nonzero()[0]
         if len(beams) < len(ranges):
@@ -179,12 +186,12 @@ class View:
         self._points = points
         if known and not self._continued:
             self._continued = True
-            self._continue_surfaces(_seen_twice(self.unmasked & (ranges >= self._least), ranges, before))
+            self._continue_surfaces(seen_twice(self.unmasked & (ranges >= self._least), ranges, before))
         if now - self._sorted_at >= SORTED_EVERY:
             self._sorted_at = now
             self._forget_some()
             self._find_moving(scan, now, speed, turn)
-        self._remember(points, beams)
+        self._remember(points, beams, now)
 
     def _find_moving(self, scan: Scan, now: float, speed: float, turn: float) -> None:
         """Look where what moves will be, by the newest scan."""
@@ -218,7 +225,7 @@ class View:
 
     def _fit(self, start: float, increment: float, count: int) -> None:
         """Work out the beams' directions."""
-        self.shape = start, increment, count
+        self.shape, self._noted = (start, increment, count), Pose(x=inf)
         bearings = [start + increment * beam for beam in range(count)]
         angles = [self._scanner.heading + bearing for bearing in bearings]
         self._directions = np.array([[cos(angle) for angle in angles], [sin(angle) for angle in angles]]) / 1000.0
@@ -227,11 +234,11 @@ class View:
         low, high = sorted((bearings[0], bearings[-1]))
         leaving = float(self.least + LEAVING)
         self.unmasked = seeing(np.arange(count) * degrees(increment) + degrees(start), self._scanner.mask)
-        beside_mask = _widened(~self.unmasked, ceil(EDGE / abs(increment)))
+        beside_mask = widened(~self.unmasked, ceil(EDGE / abs(increment)))
         self._leaving = np.array([leaving if low + EDGE < each < high - EDGE else inf for each in bearings])
         self._leaving[beside_mask] = inf
         beams, inner = self.beams_past(self._bearings), int(EDGE / 4.0 / abs(increment))
-        in_view = (beams >= inner) & (beams < count - inner) & ~_widened(~self.unmasked, inner)[beams]
+        in_view = (beams >= inner) & (beams < count - inner) & ~widened(~self.unmasked, inner)[beams]
         self._beam_of = np.where(in_view, beams, 0)
         gone = ~self._around | in_view & (self._distance_of >= self.least + LEAVING // 2)
         self._hides = np.where(gone, -1.0, np.where(in_view, self._distance_of + BEYOND, inf))
@@ -274,14 +281,35 @@ class View:
         ends = ((beams >= 0) & self.unmasked[beams] & shown | self._box.holds(line)).nonzero()[0]
         self._kept = np.concatenate((self._kept, line[:, : ends[0] if ends.size else None]), 1)
 
-    def _remember(self, points: Array, beams: NDArray[np.intp]) -> None:
-        """Add those points of the scan that may leave the view."""
+    def _has_moved(self) -> bool:
+        """Since something was noted."""
         pose, last = self._pose, self._noted
-        if abs(pose.x - last.x) + abs(pose.y - last.y) < NOTED and abs(pose.heading - last.heading) < TURNED:
-            return
-        self._noted = pose
+        return abs(pose.x - last.x) + abs(pose.y - last.y) >= NOTED or abs(pose.heading - last.heading) >= TURNED
+
+    def _look_for_approaches(self, ranges: Array, near: NDArray[np.bool_]) -> None:
+        """Remember what has come too near to be seen, wherever it may stand now."""
+        assert self.shape is not None
+        came = self._approaches.take(ranges, near, self._pose, self.shape[1]).nonzero()[0]
+        if came.size:
+            steps = np.arange(0.0, float(self.least), 1000.0 * float(THINNED))
+            places = (self._directions[:, came, np.newaxis] * steps).reshape(2, -1) + self.place
+            self._keep(places.take((~self._beside_it.holds(places)).nonzero()[0], 1))
+
+    def _remember(self, points: Array, beams: NDArray[np.intp], now: float) -> None:
+        """Add those points of the scan that may leave the view, of a robot that stands those that are new."""
         leaves = self.millimetres < self._leaving
-        new = points.take(leaves.take(beams).nonzero()[0][::-1], 1)
+        if self._has_moved():
+            self._noted, self._shown = self._pose, self.millimetres
+        elif now - self._noted_at >= NOTED_EVERY:
+            leaves &= np.abs(self.millimetres - self._shown) > SAME
+            self._shown = np.where(leaves, self.millimetres, self._shown)
+        else:
+            return
+        self._noted_at = now
+        self._keep(points.take(leaves.take(beams).nonzero()[0][::-1], 1))
+
+    def _keep(self, new: Array) -> None:
+        """Remember points, in each cell one."""
         if not new.size:
             return
         points = np.concatenate((new, self._kept), 1)
@@ -368,19 +396,3 @@ def _points_from(origin: Pose, points: Array) -> Array:
     moved *= cos(origin.heading)
     moved += turned
     return np.asarray(moved)
-
-
-def _widened(some: NDArray[np.bool_], count: int) -> NDArray[np.bool_]:
-    """Some beams, and so many to both sides of each."""
-    return np.asarray(np.convolve(some, np.ones(2 * count + 1), "same") > 0.5)
-
-
-def _seen_twice(some: NDArray[np.bool_], ranges: Array, before: Array) -> NDArray[np.bool_]:
-    """Which of some beams show nearly what they, or those beside them, showed in the scan before."""
-    found, alone = some.copy(), ((np.abs(ranges - before) >= SAME) & some).nonzero()[0]
-    if alone.size:
-        there = ranges.take(alone)
-        found[alone] = (np.abs(there - before.take(alone - 1, mode="clip")) < SAME) | (
-            np.abs(there - before.take(alone + 1, mode="clip")) < SAME
-        )
-    return found

@@ -15,9 +15,9 @@ REPLAN_AFTER = 2.5
 
 
 def is_blocked(snapshot: Snapshot) -> bool:
-    """Whether the robot stands for an obstacle."""
+    """Whether the robot stands for an obstacle, or waits for a scan."""
     clearance = snapshot.set_points.clearance
-    return clearance is not None and clearance.blocked > 0.0
+    return clearance is not None and clearance.holds
 
 
 def held_up(shared: Shared, mode: Mode, wish: Wish, snapshot: Snapshot) -> Wish:
@@ -28,6 +28,8 @@ def held_up(shared: Shared, mode: Mode, wish: Wish, snapshot: Snapshot) -> Wish:
     """
     clearance = snapshot.set_points.clearance
     assert clearance is not None
+    if clearance.no_scan:  # LAS-01 says so if it takes too long
+        return replace(wish, phase="waiting for a scan")
     seen = f"{max(clearance.distance, 0.0):.2f} m are free"
     if clearance.unseen:
         seen = f"the ground {'ahead' if wish.command.speed >= 0.0 else 'behind'} was not seen"

@@ -238,7 +238,7 @@ class Wheels:
             self._arrived = True
         elif self._arrived:  # a path may begin beside the robot (PTH-05 says how far)
             readings.append(("PTH-06", "", abs(tracking.cross_track), f"{tracking.cross_track:+.2f} m"))
-        if tracking is None or abs(command.speed) < MOVING or (clearance and clearance.blocked):
+        if tracking is None or abs(command.speed) < MOVING or (clearance and clearance.holds):
             self._mark = None
         elif self._mark is None or abs(tracking.arc_length - self._mark) > PROGRESS:
             self._mark = tracking.arc_length

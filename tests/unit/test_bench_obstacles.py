@@ -14,7 +14,7 @@ from artemis.motion import obstacles
 from artemis_lab.bench import obstacle_bars
 from artemis_lab.bench.obstacle_bars import cost, look_times, persons, slow_downs, standing
 
-CALLS = 70
+CALLS = 75
 """Python functions that a look with three arcs calls at most: in each third one it also looks for what moves."""
 
 

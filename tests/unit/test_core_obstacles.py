@@ -114,6 +114,19 @@ def test_a_scanner_that_falls_silent_stops_the_robot() -> None:
     assert "LAS-01" in [fault.id for fault in live.ticks[-1].snapshot.verdict.faults]
 
 
+def test_a_robot_waits_for_the_first_scan_and_is_not_blocked() -> None:
+    live = Seeing(FollowStep(route=ROUTE, follower=StubFollower()), rules=STOP)
+    live.wall = None
+    live.until(Mode.FOLLOW)
+    waits = live.until(lambda tick: tick.wish.phase == "waiting for a scan")
+    later = live.until(lambda tick: tick.snapshot.sensed.time > waits.snapshot.sensed.time + 3.0)
+    assert later.wish.phase == "waiting for a scan"
+    assert {tick.wish.outcome for tick in live.ticks} == {""}
+    assert all(fault.id != "LAS-08" for tick in live.ticks for fault in tick.snapshot.verdict.faults)
+    live.wall = 8.0
+    live.until(lambda tick: tick.snapshot.odometry.distance > 0.1)
+
+
 def test_the_stop_knows_the_rules_of_every_step() -> None:
     wide, wider = replace(STOP, clear=0.7), replace(STOP, clear=1.0)
     steps = TELEOP, replace(TELEOP, obstacles=wide), FollowStep(route=ROUTE, follower=StubFollower(), obstacles=wider)

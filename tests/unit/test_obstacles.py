@@ -1,6 +1,7 @@
 """The speed that obstacles leave: a robot that drives as it is told, and a scanner that sees what it can."""
 
 import math
+from dataclasses import dataclass
 from math import inf, radians
 
 import numpy as np
@@ -50,7 +51,7 @@ class Watch:
         mounted = robot.scanners["front"].model_copy(update={"least_range_m": least})
         self.stop = ObstacleStop(robot.model_copy(update={"scanners": {"front": mounted}}), [rules])
         self.rules, self.tick = rules, 0
-        self.odometry = Odometry(distance=0.0)
+        self.odometry, self.standing, self.reset_pose = Odometry(distance=0.0), False, False
 
     def drive(self, distance: float, heading: float = 0.0) -> None:
         pose = self.odometry.pose
@@ -75,12 +76,12 @@ class Watch:
             dt=PERIOD,
             pose=LocatedPose(pose=self.odometry.pose),
             odometry=self.odometry,
-            standing=False,
+            standing=self.standing,
             set_points=SetPoints(speed=speed),
             verdict=Verdict(),
         )
         self.tick += 1
-        wish = Wish(command=DriveCommand(speed=command, steering=steering))
+        wish = Wish(command=DriveCommand(speed=command, steering=steering), reset_pose=self.reset_pose)
         return self.stop.look(wish, SetPoints(speed=speed), snapshot, self.rules)
 
     def known(self) -> "Watch":
@@ -219,7 +220,11 @@ def test_a_person_who_crosses_meets_a_robot_that_stands(seed: int) -> None:
 
 
 def test_no_scan_no_motion() -> None:
-    assert Watch().look() == Clearance(speed=0.0, distance=0.0)
+    for mode in ("stop", "slow"):
+        watch = Watch(ObstacleRules(mode=mode))
+        found = [watch.look(command=command) for command in (0.5, -0.5) for _ in range(10)]
+
+        assert found == [Clearance(speed=0.0, distance=0.0, no_scan=True)] * 20
 
 
 def test_an_old_scan_slows_down_and_then_stops() -> None:
@@ -234,6 +239,180 @@ def test_an_old_scan_slows_down_and_then_stops() -> None:
     assert speeds == sorted(speeds, reverse=True)
     assert speeds[0] > 0.3
     assert speeds[-1] == 0.0
+
+
+HALL = np.array([[-6.0, -6.0, 7.0, -6.0], [7.0, -6.0, 7.0, 6.0], [7.0, 6.0, -6.0, 6.0], [-6.0, 6.0, -6.0, -6.0]])
+WALKED = 3.0
+"""A person is seen for so far [m]."""
+
+
+def steps_up(
+    watch: Watch, to: tuple[float, float], walk: tuple[float, float], *, walls: bool, least: float = 0.5
+) -> Scene:
+    """A person, 0.3 m wide, comes to a robot that stands, with a velocity [m/s], and stays at a place [m] for 2 s."""
+    time = WALKED / math.hypot(*walk)
+    begin = [to[0] - time * walk[0], to[1] - time * walk[1], 0.15]
+    scene = Scene(HALL if walls else np.zeros((0, 4)), np.array([begin]), np.array([walk]))
+    dice = np.random.default_rng(1)
+    for _ in range(round(time / PERIOD)):
+        scene.move(PERIOD)
+        watch.look(noisy(scene, dice, least), command=0.0)
+    scene.moves = np.zeros((1, 2))
+    for _ in range(100):
+        watch.look(noisy(scene, dice, least), command=0.0)
+    return scene
+
+
+def noisy(scene: Scene, dice: np.random.Generator, least: float = 0.5) -> np.ndarray:
+    """What the scanner of a robot at the origin measures [m]."""
+    ranges = scene.ranges(SCANNER.x_m, 0.0, 0.0)
+    measured = np.where(ranges < 20.0, ranges + dice.normal(0.0, 0.012, BEAMS), 0.0)
+    return np.where(measured < least, 0.0, measured)
+
+
+def at_origin() -> Watch:
+    """A robot that has driven there, and stands."""
+    watch = Watch(ObstacleRules(mode="stop", unseen_reverse=True)).known()
+    watch.odometry = Odometry(pose=Pose(x=10.0), distance=10.0)  # nothing of what it has seen is near
+    watch.look(np.zeros(BEAMS))
+    watch.odometry = Odometry(distance=20.0)
+    return watch
+
+
+@pytest.mark.parametrize("gap", [0.06, 0.17, 0.3])
+@pytest.mark.parametrize("walk", [(-0.2, 0.0), (-0.8, 0.1), (-1.5, 0.0), (-0.7, 0.7), (-1.0, -0.5)])
+@pytest.mark.parametrize("walls", [True, False])
+def test_who_steps_up_to_a_robot_that_stands_is_not_forgotten(
+    gap: float, walk: tuple[float, float], walls: bool
+) -> None:
+    watch = at_origin()
+    scene = steps_up(watch, (FRONT + gap + 0.15, 0.0), walk, walls=walls)
+    dice = np.random.default_rng(2)
+
+    found = [watch.look(noisy(scene, dice)) for _ in range(10)][-1]
+
+    assert found is not None
+    assert found.speed == 0.0
+    back = [watch.look(noisy(scene, dice), command=-0.5) for _ in range(60)][-1]
+    assert back is not None
+    assert back.speed > 0.0
+
+
+@dataclass(slots=True)
+class StepsIn(Scene):
+    """Who moves stays where it is so near the robot [m]."""
+
+    gap: float = 0.0
+
+    @property
+    def fastest(self) -> float:
+        return inf
+
+    def distance(self, x: float, y: float, heading: float) -> float:
+        found = Scene.distance(self, x, y, heading)
+        if found < self.gap:
+            self.moves = np.zeros_like(self.moves)
+        return found
+
+
+@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("walls", [True, False])
+def test_who_steps_before_a_robot_that_brakes_is_not_forgotten(seed: int, walls: bool) -> None:
+    """And stays there, or goes on within the least range."""
+    dice = np.random.default_rng(seed)
+    meet, turn, walk, gap = dice.uniform([1.5, -math.pi / 2, 0.4, 0.05], [3.0, math.pi / 2, 1.6, 0.35])
+    x, y = 0.7 * (meet - 0.7) + FRONT + dice.uniform(0.0, 0.4), dice.uniform(-0.2, 0.2)
+    vx, vy = -walk * math.cos(turn), -walk * math.sin(turn)
+    person = np.array([[x - vx * meet, y - vy * meet, 0.15]])
+    scene = StepsIn(HALL if walls else np.zeros((0, 4)), person, np.array([[vx, vy]]), gap=gap)
+
+    outcome = drive(scene, Steady(0.7), seed, seconds=meet + 8.0)
+
+    assert outcome.contact is None or outcome.contact == 0.0
+
+
+def test_who_goes_away_again_is_forgotten() -> None:
+    watch = at_origin()
+    scene = steps_up(watch, (FRONT + 0.32, 0.0), (-1.0, 0.0), walls=True)
+    scene.moves, dice = np.array([[0.7, 0.7]]), np.random.default_rng(2)
+
+    for _ in range(150):
+        scene.move(PERIOD)
+        found = watch.look(noisy(scene, dice))
+
+    assert found is None
+
+
+def test_a_wall_that_noise_hides_now_and_then_has_not_come_nearer() -> None:
+    """Beside a robot that stands for a minute."""
+    watch, dice = at_origin(), np.random.default_rng(1)
+    for side in (0.48, 0.5, 0.52):
+        for _ in range(3000):
+            found = watch.look(noisy(Scene(np.array([[-6.0, side, 6.0, side]])), dice))
+
+        assert found is None
+
+
+@pytest.mark.parametrize("least", [0.0, 0.5])
+def test_what_is_shown_within_the_least_range_counts_at_any_speed(least: float) -> None:
+    """A device reports more than it has to."""
+    watch, found = at_origin(), []
+    person = Scene(circles=np.array([[FRONT + 0.41, 0.0, 0.15]]))
+    for _ in range(3):
+        watch.odometry = changed(watch.odometry, speed=0.5, distance=watch.odometry.distance + 0.01)
+        found.append(watch.look(noisy(person, np.random.default_rng(1), least), speed=0.5))
+
+    assert (found[-1] is not None) == (least == 0.0)
+
+
+@pytest.mark.parametrize("steering", [-0.8, 0.0, 0.8])
+def test_rolls_away_from_what_is_within_the_margin(steering: float) -> None:
+    watch = Watch(ObstacleRules(mode="stop", unseen_reverse=True), least=0.1).known()
+    near = [watch.look(ahead(OUTLINE.front_m - SCANNER.x_m + 0.05), steering=steering) for _ in range(5)][-1]
+
+    back = [watch.look(ahead(0.18), command=-0.5, steering=steering) for _ in range(60)][-1]
+
+    assert near is not None
+    assert near.speed == 0.0
+    assert back is not None
+    assert back.speed == REVERSE_SPEED
+
+
+def test_starts_slowly_after_it_stood_for_long() -> None:
+    """Somebody may have stepped up from where no scanner looks."""
+    watch, speeds = Watch().known(), []
+    for watch.standing, seconds in ((True, 4.8), (False, 0.02), (True, 5.2), (False, 0.02)):
+        for _ in range(round(seconds / PERIOD)):
+            found = watch.look(np.zeros(BEAMS))
+        speeds.append(inf if found is None else found.speed)
+    assert speeds == [inf, inf, UNKNOWN_SPEED, UNKNOWN_SPEED]
+
+    for _ in range(30):
+        watch.drive(0.02)
+        found = watch.look(np.zeros(BEAMS))
+    assert found is None
+
+
+def test_slow_does_not_back_over_what_it_has_not_seen() -> None:
+    watch = Watch(ObstacleRules(mode="slow"))
+    found = [watch.look(np.zeros(BEAMS), command=-0.5) for _ in range(5)][-1]
+
+    assert found is not None
+    assert found.speed == 0.0
+    assert found.unseen
+
+
+def test_a_pose_that_is_reset_says_nothing_about_what_was_driven() -> None:
+    watch = Watch().known()
+    watch.look(np.zeros(BEAMS))
+    watch.reset_pose = True
+    watch.look(np.zeros(BEAMS))
+    watch.reset_pose, watch.odometry = False, Odometry(distance=0.0)
+
+    found = [watch.look(np.zeros(BEAMS)) for _ in range(3)][-1]
+
+    assert found is not None
+    assert found.speed == UNKNOWN_SPEED
 
 
 def test_one_beam_once_is_dust_but_not_while_creeping() -> None:

@@ -107,7 +107,7 @@ SURROUNDINGS: dict[str, Row] = {
         LIMIT,
         ITSELF,
         "stands for an obstacle",
-        "remove it, or drive around it by hand; it drives on once the path has been free for a second",
+        "remove it, or reverse and drive around it by hand; it drives on once the path has been free for a second",
         within=0.06,
         needs=Requirement.SCANNER,
     ),
