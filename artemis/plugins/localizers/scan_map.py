@@ -53,7 +53,7 @@ class ScanMapConfig(Config):
     scanner: str | None = None
     """Its name in the robot file; None: there is only one."""
     start: StartPose | Literal["global", "last"] = "global"
-    """Where the robot begins; anywhere; or where the last run of this mission ended."""
+    """Where the robot begins; anywhere; or where the last run of this mission ended, if none has driven it since."""
     start_std_m: Annotated[float, Field(gt=0, le=2)] = 0.3
     """Standard deviation of x and y there, also of `last`."""
     start_std_deg: Annotated[float, Field(gt=0, le=90)] = 10.0
@@ -85,6 +85,7 @@ class ScanMapLocalizer:
         if isinstance(config.start, StartPose) and not self._known.contains(config.start.x_m, config.start.y_m):
             place = f"({config.start.x_m:g}, {config.start.y_m:g})"
             raise ConfigError(f"{self._name}: start: {place} lies outside of {config.map}")
+        self._start = self._given_start()
         self._odometry = RecentOdometry(context.robot)
         self._waiting: Scan | None = None
         self._next = -inf
@@ -173,18 +174,22 @@ class ScanMapLocalizer:
             self._made = self._begun()
         return self._made
 
+    def _given_start(self) -> Pose | None:
+        """Where the robot begins; None: anywhere."""
+        start = self._config.start
+        if start == "last" or self._context.resumed:
+            return self._context.last_pose()
+        if isinstance(start, StartPose):
+            return Pose(x=start.x_m, y=start.y_m, heading=radians(start.heading_deg))
+        return None
+
     def _begun(self) -> ScanLocalizer:
         import numpy as np
 
         from artemis.localisation.scan_localizer import LocalizerSettings, ScanLocalizer
         from artemis.localisation.scan_map import ScanMap
 
-        config, settings = self._config, LocalizerSettings()
-        given: Pose | None = None
-        if config.start == "last" or self._context.resumed:
-            given = self._context.last_pose()
-        elif isinstance(config.start, StartPose):
-            given = Pose(x=config.start.x_m, y=config.start.y_m, heading=radians(config.start.heading_deg))
+        config, settings, given = self._config, LocalizerSettings(), self._start
         return ScanLocalizer(
             ScanMap.of_cells(self._known, settings.matching),
             settings,
