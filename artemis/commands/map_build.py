@@ -22,12 +22,14 @@ from artemis.mapping.kernels import COMPILED, notice
 from artemis.mapping.laser import Reading
 from artemis.mapping.mapper import Mapper
 from artemis.mapping.occupancy import occupancy
-from artemis.mapping.se2 import between, compose
+from artemis.mapping.se2 import Array, between, compose
 from artemis.mapping.settings import MapSettings
 from artemis.mapping.tracking import Tracker
 from artemis.route_planning.zones import zones_file
 
 LOGS = (".clf", ".log")
+_NEAR = (0.7, 0.2)
+"""Standard deviations of where a run begins from where the one before ended [m, rad]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +66,7 @@ def build_map(sources: Sources, output: Path, resolution: float, *, force: bool)
         for number, run in enumerate(sources.runs):
             readings = _readings(run, settings, sources)
             if number:
-                mapper.begin_run()
+                readings = _another(mapper, run, readings, settings)
             elif sources.begun is not None:
                 mapper, readings = _gone_on(sources.begun, run, readings, settings)
             for reading in readings:
@@ -100,21 +102,55 @@ def _gone_on(
         raise ConfigError(f"{graph_file}: no such file; a map is continued from its graph")
     begun = read_graph(graph_file)
     known = ScanMap.of_scans(begun.keys.points, begun.keys.poses, settings)
-    localizer, tracker, seen = ScanLocalizer(known, LocalizerSettings(matching=settings)), Tracker(settings), []
+    start, readings = _located(ScanLocalizer(known, LocalizerSettings(matching=settings)), readings, settings)
+    if start is None:
+        raise ConfigError(
+            f"{run}: its first scans fit nowhere on {file}, or in several places; begin the run where the map is known"
+        )
+    return Mapper(settings, begun=begun, start=start), readings
+
+
+def _another(mapper: Mapper, run: Path, readings: Iterator[Reading], settings: MapSettings) -> Iterator[Reading]:
+    """Have a mapper take another run: about where the one before ended, or anywhere on the map so far.
+
+    Returns all readings of the run.
+
+    Raises:
+        ConfigError: it is not found there.
+    """
+    if not len(mapper.keys):
+        return readings
+    mapper.solve()
+    known, ended = ScanMap.of_scans(mapper.keys.points, mapper.keys.poses, settings), mapper.pose
+    localizer = ScanLocalizer(known, LocalizerSettings(matching=settings), ended, _NEAR)
+    start, readings = _located(localizer, readings, settings)
+    if start is None:
+        raise ConfigError(
+            f"{run}: its first scans fit neither where the run before ended nor, for sure, elsewhere on the map so "
+            "far; name the runs in an order in which each begins where those before have been, or build a map of each"
+        )
+    x, y, _ = between(ended, start)
+    sys.stdout.write(f"run         {run}: begins {np.hypot(x, y):.1f} m from where the one before ended\n")
+    mapper.begin_run(start)
+    return readings
+
+
+def _located(
+    localizer: ScanLocalizer, readings: Iterator[Reading], settings: MapSettings
+) -> tuple[Array | None, Iterator[Reading]]:
+    """Where a run begins on a map, shape (3,), None: it is not found there; and all readings of the run."""
+    tracker, seen = Tracker(settings), list[Reading]()
     for reading in readings:
         seen.append(reading)
         tracker.add(reading)
         if reading.points is None:
             continue
         found = localizer.update(reading.points, reading.odometry)
-        if (wanted := localizer.wanted()) is not None:
+        if found.lost and (wanted := localizer.wanted()) is not None:
             localizer.take(wanted, localizer.look(wanted))
         if not found.lost:
-            start = compose(found.pose, between(tracker.pose, np.zeros(3)))
-            return Mapper(settings, begun=begun, start=start), chain(seen, readings)
-    raise ConfigError(
-        f"{run}: its first scans fit nowhere on {file}, or in several places; begin the run where the map is known"
-    )
+            return compose(found.pose, between(tracker.pose, np.zeros(3))), chain(seen, readings)
+    return None, iter(seen)
 
 
 def _readings(run: Path, settings: MapSettings, sources: Sources) -> Iterator[Reading]:

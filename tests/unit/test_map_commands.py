@@ -78,6 +78,25 @@ def test_two_runs_make_one_map(log: Path, tmp_path: Path) -> None:
     assert len(read_graph(tmp_path / "two.graph").trajectory) == 2 * len(WAY)
 
 
+def test_a_further_run_may_begin_anywhere_on_the_map(log: Path, tmp_path: Path) -> None:
+    """It begins elsewhere than the first one ended, and looks the other way."""
+    way = driven([(0, 0), (0, 1), (0, -2)], 0.25)
+    told = call("build", log, written(tmp_path / "b.clf", way, 1.0), "-o", tmp_path / "two.yaml")
+    assert "b.clf: begins 3.5 m from where the one before ended" in told
+    true = np.concatenate([WAY, way])
+    off = between(between(true[0], true), read_graph(tmp_path / "two.graph").trajectory[:, 1:])
+    assert np.hypot(off[:, 0], off[:, 1]).max() < 0.1
+
+
+def test_a_further_run_from_elsewhere_is_refused(log: Path, tmp_path: Path) -> None:
+    tent = walls([(-2, -1), (7, -2), (3, 4), (-2, -1)])
+    elsewhere = written(tmp_path / "e.clf", driven([(0, 0), (3, 0)], 0.25), 1.0, tent)
+    said = refused("build", log, elsewhere, "-o", tmp_path / "two.yaml")
+    assert "e.clf: its first scans fit neither where the run before ended nor" in said
+    assert "name the runs in an order in which each begins where those before have been" in said
+    assert not (tmp_path / "two.yaml").exists()
+
+
 def test_what_cannot_be_is_refused(log: Path, tmp_path: Path) -> None:
     made = tmp_path / "m.yaml"
     assert "name the map .yaml" in refused("build", log, "-o", tmp_path / "m.png")
