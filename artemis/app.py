@@ -43,6 +43,7 @@ from artemis.plugins.process import AskedPlugin
 from artemis.plugins.stated import is_live
 from artemis.recording.disk import Disk
 from artemis.recording.ending import Ending
+from artemis.recording.journal import Entry, Level
 from artemis.recording.provenance import ResumePoint
 from artemis.recording.record_folders import note_folder
 from artemis.recording.resume import DONE, last_place, where_it_stopped
@@ -141,6 +142,7 @@ class _Run:
     record: RunRecord
     attendance: Attendance
     watch: Watch
+    tell: Callable[[str], None]
     resume_point: ResumePoint | None
     failed: bool = False
     ending: Ending = field(default_factory=Ending)
@@ -275,8 +277,17 @@ class _Run:
         """Where the run that is resumed stopped, or the last one of this mission ended, on the map."""
         if self.resume_point is not None:
             return self.resume_point.pose
-        root, mission = self.record.folder.path.parent, self.loaded.mission.mission
-        return last_place(root, mission, self.record.folder.path.name, simulated=self.simulated)
+        use = localizer_of(self.loaded, self.simulated)
+        named = (use.model_extra or {}).values() if use is not None else ()
+        files = {name: self.loaded.files[name] for name in named if isinstance(name, str) and name in self.loaded.files}
+        mine, mission, robot = self.record.folder.path, self.loaded.mission.mission, self.loaded.robot.robot
+        found = last_place(mine, mission, robot, files, simulated=self.simulated)
+        known = found.pose is not None
+        told = found.told if known else f"the robot is looked for on the whole map: {found.told}"
+        level = Level.INFO if known else Level.WARNING
+        self.record.recorder.note(Entry(time=0.0, kind="place", text=told, level=level))
+        self.tell(told)
+        return found.pose
 
     def _made(self, name: str, group: str, use: PluginUse, context: PluginContext) -> Any:  # noqa: ANN401 (of any group)
         """The plugin that the mission uses, asked by its name."""
@@ -302,6 +313,7 @@ def run_mission(
     observers: Mapping[str, Observer] | None = None,
     operator: Operator | None = None,
     witness: Witness = lambda world: world,
+    tell: Callable[[str], None] = lambda text: None,
     start: datetime | None = None,
     resume_point: ResumePoint | None = None,
     parts: Parts | None = None,
@@ -316,6 +328,7 @@ def run_mission(
         observers: See the run beside the ticks; closed at its end.
         operator: Somebody at a terminal; None: nobody can acknowledge and arm.
         witness: Puts itself around the simulated world: hears every frame on its wire and sees what truly moves.
+        tell: Is told where the run takes the robot to be, if an earlier run knows.
         start: Date and time on the wall at run time 0; None: now.
         resume_point: The run to resume.
         parts: What is to be another than the mission says.
@@ -336,19 +349,16 @@ def run_mission(
     alone = not (virtual or attendance.expected)
     use = localizer_of(loaded, simulated)
     record = RunRecord(loaded, provenance, disk, observers or {}, threaded=not virtual, alone=alone, localizer=use)
-
-    def equip() -> Equipment:
-        instead = parts.machine, parts.sensors
-        return opened(loaded, resume_point, witness, *instead, simulated=simulated, localized=plan.localized)
-
+    equip = partial(opened, loaded, resume_point, witness, parts.machine, parts.sensors, simulated=simulated)
     return _Run(
         loaded=loaded,
         simulated=simulated,
         plan=plan,
         parts=parts,
-        equip=equip,
+        equip=partial(equip, localized=plan.localized),
         record=record,
         attendance=attendance,
         watch=watch,
+        tell=tell,
         resume_point=resume_point,
     ).go(loop)

@@ -33,7 +33,7 @@ def build_map(
     ] = None,
     force: Force = False,
 ) -> None:
-    """Build a map from laser scans; each further run has to begin about where the one before ended."""
+    """Build a map from laser scans; each further run has to begin where those before have been."""
     from artemis.commands.map_build import Sources, build_map
 
     sources = Sources(

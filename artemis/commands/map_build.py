@@ -12,22 +12,28 @@ import numpy as np
 from rich.progress import Progress
 
 from artemis.commands.map_files import refuse_output, write_map
+from artemis.commands.map_kept import keep_zones, painted, say_moved
 from artemis.commands.map_readings import readings_of
+from artemis.commands.map_zones import zones_of
 from artemis.errors import ConfigError
 from artemis.localisation.scan_localizer import LocalizerSettings, ScanLocalizer
 from artemis.localisation.scan_map import ScanMap
 from artemis.mapping.carmen import read_carmen
-from artemis.mapping.graph_file import SUFFIX, read_graph
+from artemis.mapping.graph_file import SUFFIX, MapGraph, read_graph
 from artemis.mapping.kernels import COMPILED, notice
 from artemis.mapping.laser import Reading
+from artemis.mapping.map_file import read_map
 from artemis.mapping.mapper import Mapper
 from artemis.mapping.occupancy import occupancy
-from artemis.mapping.se2 import between, compose
+from artemis.mapping.se2 import Array, between, compose
 from artemis.mapping.settings import MapSettings
 from artemis.mapping.tracking import Tracker
 from artemis.route_planning.zones import zones_file
+from artemis.yaml_file import read
 
 LOGS = (".clf", ".log")
+_NEAR = (0.7, 0.2)
+"""Standard deviations of where a run begins from where the one before ended [m, rad]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,18 +64,9 @@ def build_map(sources: Sources, output: Path, resolution: float, *, force: bool)
         raise ConfigError(f"--resolution {resolution:g}: expected 0.005 to 1 m")
     if not COMPILED:
         sys.stderr.write(f"{notice()}\n")
-    settings, mapper = MapSettings(), Mapper()
-    with Progress(disable=not sys.stdout.isatty()) as progress:
-        bar = progress.add_task("scans", total=None)
-        for number, run in enumerate(sources.runs):
-            readings = _readings(run, settings, sources)
-            if number:
-                mapper.begin_run()
-            elif sources.begun is not None:
-                mapper, readings = _gone_on(sources.begun, run, readings, settings)
-            for reading in readings:
-                mapper.add(reading)
-                progress.advance(bar)
+    settings, begun = MapSettings(), _begun(sources.begun, force)
+    before = begun.keys.poses.copy() if begun is not None else np.empty((0, 3))
+    mapper = _mapped(sources, begun, settings)
     if not len(mapper.keys):
         raise ConfigError(f"{sources.runs[0]}: no scan has a point")
     mapper.finish()
@@ -83,38 +80,109 @@ def build_map(sources: Sources, output: Path, resolution: float, *, force: bool)
         f"loops       {len(mapper.graph.loops)} of {mapper.searched} places searched\n"
     )
     write_map(output, content, mapper.result())
-    if (zones := Path(zones_file(str(output)))).exists():
+    if sources.begun is not None:
+        beside = Path(zones_file(str(sources.begun)))
+        keep_zones(sources.begun, output, read(beside) if beside.exists() else b"")
+        say_moved(zones_of(output), before, mapper.keys.poses[: len(before)], resolution)
+    elif (zones := Path(zones_file(str(output)))).exists():
         sys.stdout.write(f"notice      {zones} stays: its zones and places count on the new map\n")
 
 
-def _gone_on(
-    file: Path, run: Path, readings: Iterator[Reading], settings: MapSettings
-) -> tuple[Mapper, Iterator[Reading]]:
-    """A mapper that continues a map from where a run begins on it, and all readings of the run.
+def _begun(file: Path | None, force: bool) -> MapGraph | None:
+    """The graph of the map that is continued; None: there is none.
 
     Raises:
-        ConfigError: the map has no graph, or the run is not found on it.
+        ConfigError: it has no graph, its files cannot be read, or, without `force`, what was painted would be lost.
     """
+    if file is None:
+        return None
     graph_file = file.with_suffix(SUFFIX)
     if not graph_file.exists():
         raise ConfigError(f"{graph_file}: no such file; a map is continued from its graph")
-    begun = read_graph(graph_file)
+    graph = read_graph(graph_file)
+    zones_of(file)
+    if lost := painted(file, read_map(file), graph):
+        if not force:
+            raise ConfigError(f"{lost}; with --force it is lost")
+        sys.stdout.write(f"notice      {lost}\n")
+    return graph
+
+
+def _mapped(sources: Sources, begun: MapGraph | None, settings: MapSettings) -> Mapper:
+    """A map of all runs, or one continued, before its last pass."""
+    mapper = Mapper(settings)
+    with Progress(disable=not sys.stdout.isatty()) as progress:
+        bar = progress.add_task("scans", total=None)
+        for number, run in enumerate(sources.runs):
+            readings = _readings(run, settings, sources)
+            if number:
+                readings = _another(mapper, run, readings, settings)
+            elif begun is not None:
+                mapper, readings = _gone_on(begun, sources.begun, run, readings, settings)
+            for reading in readings:
+                mapper.add(reading)
+                progress.advance(bar)
+    return mapper
+
+
+def _gone_on(
+    begun: MapGraph, file: Path | None, run: Path, readings: Iterator[Reading], settings: MapSettings
+) -> tuple[Mapper, Iterator[Reading]]:
+    """A mapper that continues the map `file` from where a run begins on it, and all readings of the run.
+
+    Raises:
+        ConfigError: the run is not found on it.
+    """
     known = ScanMap.of_scans(begun.keys.points, begun.keys.poses, settings)
-    localizer, tracker, seen = ScanLocalizer(known, LocalizerSettings(matching=settings)), Tracker(settings), []
+    start, readings = _located(ScanLocalizer(known, LocalizerSettings(matching=settings)), readings, settings)
+    if start is None:
+        raise ConfigError(
+            f"{run}: its first scans fit nowhere on {file}, or in several places; begin the run where the map is known"
+        )
+    return Mapper(settings, begun=begun, start=start), readings
+
+
+def _another(mapper: Mapper, run: Path, readings: Iterator[Reading], settings: MapSettings) -> Iterator[Reading]:
+    """Have a mapper take another run: about where the one before ended, or anywhere on the map so far.
+
+    Returns all readings of the run.
+
+    Raises:
+        ConfigError: it is not found there.
+    """
+    if not len(mapper.keys):
+        return readings
+    mapper.solve()
+    known, ended = ScanMap.of_scans(mapper.keys.points, mapper.keys.poses, settings), mapper.pose
+    localizer = ScanLocalizer(known, LocalizerSettings(matching=settings), ended, _NEAR)
+    start, readings = _located(localizer, readings, settings)
+    if start is None:
+        raise ConfigError(
+            f"{run}: its first scans fit neither where the run before ended nor, for sure, elsewhere on the map so "
+            "far; name the runs in an order in which each begins where those before have been, or build a map of each"
+        )
+    x, y, _ = between(ended, start)
+    sys.stdout.write(f"run         {run}: begins {np.hypot(x, y):.1f} m from where the one before ended\n")
+    mapper.begin_run(start)
+    return readings
+
+
+def _located(
+    localizer: ScanLocalizer, readings: Iterator[Reading], settings: MapSettings
+) -> tuple[Array | None, Iterator[Reading]]:
+    """Where a run begins on a map, shape (3,), None: it is not found there; and all readings of the run."""
+    tracker, seen = Tracker(settings), list[Reading]()
     for reading in readings:
         seen.append(reading)
         tracker.add(reading)
         if reading.points is None:
             continue
         found = localizer.update(reading.points, reading.odometry)
-        if (wanted := localizer.wanted()) is not None:
+        if found.lost and (wanted := localizer.wanted()) is not None:
             localizer.take(wanted, localizer.look(wanted))
         if not found.lost:
-            start = compose(found.pose, between(tracker.pose, np.zeros(3)))
-            return Mapper(settings, begun=begun, start=start), chain(seen, readings)
-    raise ConfigError(
-        f"{run}: its first scans fit nowhere on {file}, or in several places; begin the run where the map is known"
-    )
+            return compose(found.pose, between(tracker.pose, np.zeros(3))), chain(seen, readings)
+    return None, iter(seen)
 
 
 def _readings(run: Path, settings: MapSettings, sources: Sources) -> Iterator[Reading]:

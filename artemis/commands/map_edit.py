@@ -8,10 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-
 from artemis.commands.map_files import numbers, refuse_output, write_map
-from artemis.commands.map_zones import ZoneEdits, edit_zones, edited_zones, say_zones, turned_zones, zones_of
+from artemis.commands.map_kept import keep_zones, painted, say_moved
+from artemis.commands.map_zones import ZoneEdits, edit_zones, edited_zones, turned_zones, zones_of
 from artemis.errors import ConfigError
 from artemis.mapping.final_pass import matched_again
 from artemis.mapping.graph_file import SUFFIX, MapGraph, read_graph
@@ -19,16 +18,10 @@ from artemis.mapping.likelihood import LikelihoodGrid
 from artemis.mapping.map_file import read_map
 from artemis.mapping.occupancy import OccupancyMap, occupancy
 from artemis.mapping.settings import MapSettings
-from artemis.recording.disk import write_whole
 from artemis.route_planning.zones import zones_file
 from artemis.yaml_file import read
 
 _ROUNDS = 20
-_ROUNDED = 20
-"""Cells may differ, as a graph keeps its points in single precision."""
-_LOST = (
-    "the image is drawn again from its graph, without that. State --crop and --no-go again, or use --zone for routes"
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,15 +55,9 @@ def edit_map(file: Path, output: Path | None, edits: Edits, *, force: bool) -> N
     if not math.isfinite(edits.rotate) or abs(edits.rotate) > 360.0:
         raise ConfigError(f"--rotate {edits.rotate:g}: expected degrees from -360 to 360")
     refuse_output(output, force)
-    beside_output = Path(zones_file(str(output)))
-    zones = edited_zones(_zones(file, edits.rotate), str(beside_output), edits.zones)
+    zones = edited_zones(_zones(file, edits.rotate), zones_file(str(output)), edits.zones)
     _edit_cells(file, output, edits)
-    if zones:
-        write_whole(beside_output, zones.decode())
-        say_zones(output, zones_of(output), read_map(output))
-    elif beside_output.exists():  # of another map
-        beside_output.unlink()
-        sys.stdout.write(f"{'zones':<12}{beside_output}: removed, as {file} has none\n")
+    keep_zones(file, output, zones)
 
 
 def _zones(file: Path, rotate: float) -> bytes:
@@ -87,14 +74,14 @@ def _edit_cells(file: Path, output: Path, edits: Edits) -> None:
     if edits.loops:
         if graph is None:
             raise ConfigError(f"{beside}: no such file; loops are taken back in the graph of a map")
-        if (lost := _painted(content, graph)) > _ROUNDED:
-            sys.stdout.write(f"{'notice':<12}{lost} cells of {file} were edited by hand: {_LOST}\n")
+        if lost := painted(file, content, graph):
+            sys.stdout.write(f"{'notice':<12}{lost}\n")
+        before = graph.keys.poses.copy()
         _undo(graph, edits.loops, beside)
+        say_moved(zones_of(file), before, graph.keys.poses, content.resolution)
         content = occupancy(graph.keys, content.resolution)
     if edits.rotate:
-        content = content.rotated(math.radians(edits.rotate))
-        if graph is not None:
-            graph.turned(math.radians(edits.rotate))
+        content = _turned(file, content, graph, math.radians(edits.rotate))
     if edits.crop is not None:
         content = _cropped(content, edits.crop)
     for zone in edits.no_go:
@@ -103,12 +90,13 @@ def _edit_cells(file: Path, output: Path, edits: Edits) -> None:
     write_map(output, content, graph)
 
 
-def _painted(content: OccupancyMap, graph: MapGraph) -> int:
-    """How many cells of a map are not as its graph draws them, by a crop, too."""
-    drawn = occupancy(graph.keys, content.resolution)
-    if drawn.cells.shape != content.cells.shape or drawn.origin != content.origin:
-        return abs(drawn.cells.size - content.cells.size) or content.cells.size
-    return int(np.count_nonzero(drawn.cells != content.cells))
+def _turned(file: Path, content: OccupancyMap, graph: MapGraph | None, turn: float) -> OccupancyMap:
+    """The map `file` and its graph turned by `turn` [rad]; one that is as its graph draws it is drawn again."""
+    if graph is None:
+        return content.rotated(turn)
+    by_hand = painted(file, content, graph)
+    graph.turned(turn)
+    return content.rotated(turn) if by_hand else occupancy(graph.keys, content.resolution)
 
 
 def _cropped(content: OccupancyMap, text: str) -> OccupancyMap:

@@ -133,9 +133,8 @@ def run_in_sight(
     operator = started_by or at_keys
     terminate = partial(signal.raise_signal, signal.SIGTERM)  # nobody sees what the robot does: an ordered end
     _forewarn(loaded, low_disk(loaded.folder / loaded.mission.record, Disk()) if operator or fast else None)
-    robot, title = loaded.robot, _title(loaded, simulated)
-    keys_heard = hint if at_keys and not started_by else ""
-    view = LiveView(title, keys_heard, terminate, robot.bitrate, robot.errors, _times(loaded))
+    robot, keys_heard = loaded.robot, hint if at_keys and not started_by else ""
+    view = LiveView(_title(loaded, simulated), keys_heard, terminate, robot.bitrate, robot.errors, _times(loaded))
     for prepare in () if fast else preparations(loaded, simulated):
         _print("prepares", "scan matching, before the robot is touched: compiled, half a minute the first time")
         prepare()
@@ -149,6 +148,7 @@ def run_in_sight(
         watch=told_to(manager, answering.beside(watch)),
         observers={"live view": view},
         operator=operator,
+        tell=partial(_print, "start"),
         resume_point=resume_point,
     )
     with report_unbroken():

@@ -110,6 +110,9 @@ class PlaceSearch:
     """Where that was, in the frame in which the localizer follows the scans, shape (3,)."""
     since: int
     """How often the localizer had lost the place before."""
+    given: Array | None = None
+    """Where it is if what it was told is right, shape (3,): another place that fits as well is looked for; None: it is
+    lost."""
 
 
 class ScanLocalizer:
@@ -154,6 +157,10 @@ class ScanLocalizer:
         """Driven and seen since the last search of the whole map; scans that fitted nowhere; driven since the last one
         near by."""
         self._broken = self._looking = False
+        self._unproven = start is not None
+        """A place that was given was accepted, and not yet compared with the others."""
+        self.rival: Array | None = None
+        """Where else the newest search found that a robot may be whose place was given, shape (3,); None: nowhere."""
         self._forgotten = 0
         self._before: tuple[PlaceSearch, Match] | None = None
         """What the last search found that was not sure enough."""
@@ -173,6 +180,7 @@ class ScanLocalizer:
         self._measured, quality, self.refused = None, 0.0, None
         if (given := self._matched_as_given(points)) is not None:
             self._doubt, self._start_std, self._before, self._astray = 0.0, None, None, 0
+            self._unproven = True
             self._weigh(given, given.pose, length)
             quality = given.score
         elif self._doubt < 1:
@@ -199,18 +207,25 @@ class ScanLocalizer:
         self._given = np.array(pose, float), std
 
     def wanted(self) -> PlaceSearch | None:
-        """What to look for on the whole map; None: the robot is not lost, it saw too little yet, or is looked for."""
-        settings = self.settings
-        if self._doubt < 1 or self._looking or not self._keys:
+        """What to look for on the whole map; None: the robot is not lost, it saw too little yet, or is looked for.
+
+        Once after a place was given and accepted, that is whether there is another one.
+        """
+        settings, lost = self.settings, self._doubt >= 1
+        if not (lost or self._unproven) or self._looking or not self._keys:
             return None
         if self._gathered < settings.gathered and self._scans < settings.gather_scans:
             return None
-        self._gathered, self._scans, self._looking = 0.0, 0, True
-        return PlaceSearch(points=self._seen(), at=self._at, since=self._forgotten)
+        self._gathered, self._scans, self._looking, self._unproven = 0.0, 0, True, False
+        given = None if lost else self._pose.copy()
+        return PlaceSearch(points=self._seen(), at=self._at, since=self._forgotten, given=given)
 
     def take(self, looked_for: PlaceSearch, found: Match | None) -> None:
         """Take what `look` found."""
-        self._looking = False
+        self._looking, self.rival = False, None
+        if looked_for.given is not None:
+            self.rival = found.pose if found is not None and looked_for.since == self._forgotten else None
+            return
         if found is None or self._doubt < 1 or looked_for.since != self._forgotten:
             return
         if found.score < self.settings.sure and not self._agrees(looked_for, found):
@@ -232,11 +247,16 @@ class ScanLocalizer:
         return False
 
     def look(self, looked_for: PlaceSearch) -> Match | None:
-        """Look for the robot on the whole map; None: nowhere, or in several places. Changes nothing."""
+        """Look for the robot on the whole map, or for where else it may be. Changes nothing.
+
+        Returns None: nowhere, or in several places; if it may be nowhere else.
+        """
         settings, rough, reach, seen = self.settings, self._map.rough, self._map.reach, looked_for.points
         if len(seen) < settings.matching.least_points:
             return None
         thin = np.ascontiguousarray(seen[:: max(1, len(seen) // settings.points)])  # else it is compiled anew
+        if looked_for.given is not None:
+            return self._other(thin, looked_for.given)
         first = rough.search(thin, self._map.middle, reach, np.pi, floor=settings.found)
         if first.score < 0:
             return None
@@ -244,17 +264,20 @@ class ScanLocalizer:
         refined = self._map.grid.refine(seen, near.pose)
         if near.score < 0 or refined.score < settings.found:
             return None
-        return refined if self._alone(thin, near.pose) else None
+        return refined if self._other(thin, near.pose) is None else None
 
-    def _alone(self, thin: Array, pose: Array) -> bool:
-        """Whether every other place on the map is less likely than a pose by the factor `odds`, for points (n, 4)."""
+    def _other(self, thin: Array, pose: Array) -> Match | None:
+        """Another place on the map, for points (n, 4); None: a pose is more likely than all by the factor `odds`."""
         settings, grid = self.settings, self._map.grid  # only the fine grid distinguishes places that look alike
         score = grid.refine(thin, pose).score
         margin = max(settings.misfit, 1 - score) * (settings.odds ** (1 / settings.evidence) - 1)
         beside = np.append((pose - self._map.middle)[:2], settings.apart)
         floor = (score - margin) * (1 - _REFINED)
         other = grid.search(thin, self._map.middle, self._map.reach, np.pi, floor=floor, left_out=beside)
-        return other.score < 0 or max(other.score, grid.refine(thin, other.pose).score) < score - margin
+        if other.score < 0:
+            return None
+        refined = grid.refine(thin, other.pose)
+        return None if max(other.score, refined.score) < score - margin else refined
 
     def _follow(self, points: Array, odometry: Array | None) -> Array:
         """How the robot moved since the last scan, by the scans before and the odometry, shape (3,)."""

@@ -22,6 +22,8 @@ from artemis.yaml_file import Data, Document, load, read
 GREY_FREE, GREY_OCCUPIED, GREY_UNKNOWN = 254, 0, 205
 FREE_UP_TO, OCCUPIED_FROM = 25, 65
 """Percent, as the savers of ROS write."""
+_UNKNOWN_PROBABILITY = (255 - GREY_UNKNOWN) / 255
+"""As readers take what savers write for unknown: 0.1961, just above the 0.196 that belongs to it."""
 MODES = ("trinary", "scale", "raw")
 KEYS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh", "mode")
 _TOKEN = re.compile(rb"(?:\s|#[^\n]*\n)*([^\s#]+)")
@@ -146,7 +148,7 @@ class MapKeys:
         """The map, with the content of its image.
 
         Raises:
-            ConfigError: it is no image, or is cut off.
+            ConfigError: it is no image, or is cut off, or the thresholds make unknown cells free.
         """
         cells = self._cells(read_pgm(image, source)[::-1])
         return OccupancyMap(cells=cells, resolution=self.resolution, origin=self.origin)
@@ -159,6 +161,8 @@ class MapKeys:
             return np.where(raw > OCCUPIED, UNKNOWN, raw).astype(np.int8)
         probability = (value if self._negate else 255 - value) / 255
         free, occupied = self._limits.free, self._limits.occupied
+        if self._mode == MODES[0]:
+            self._refuse_unknown_as_free(int(np.count_nonzero(probability == _UNKNOWN_PROBABILITY)), grey.size)
         cells = np.full(grey.shape, UNKNOWN, np.int8)
         if self._mode == "scale":
             between = (probability - free) / max(occupied - free, 1e-9)
@@ -166,6 +170,16 @@ class MapKeys:
         cells[probability <= free] = FREE
         cells[probability >= occupied] = OCCUPIED
         return cells
+
+    def _refuse_unknown_as_free(self, unknown: int, cells: int) -> None:
+        """Refuse a threshold by which cells that the savers of ROS wrote as unknown would be free."""
+        if unknown and self._limits.free >= _UNKNOWN_PROBABILITY:
+            text = (
+                f"{self._limits.free:g} makes free what savers write for unknown, {unknown} of {cells} cells "
+                "(Nav2's wrote 0.25 beside such images until 2025); write free_thresh: 0.196, or mode: scale "
+                "if the greys of the image are probabilities"
+            )
+            raise ConfigError([self._document.problem(("free_thresh",), text)])
 
     def _complain(self, path: tuple[str | int, ...], text: str) -> None:
         self.problems.append(self._document.problem(path, text))

@@ -58,11 +58,7 @@ class Mapper:
         self._closer = LoopCloser(self.settings, self.keys, self.graph)
         if begun is not None:
             self._seen_from = begun.nearest_keys()
-            pose = begun.trajectory[-1, 1:] if start is None else start
-            away = effort(between(self.keys.poses, pose))
-            near = np.argsort(away, kind="stable")[: self.settings.local][::-1].tolist()
-            around = [(self.keys.points[key], self.keys.poses[key].copy()) for key in near]
-            self._tracker.resume(around, near[-1], len(self.keys) - 1, pose)
+            self.begin_run(begun.trajectory[-1, 1:] if start is None else start)
 
     @property
     def counts(self) -> MapCounts:
@@ -106,9 +102,12 @@ class Mapper:
         if key is not None:
             self._later(self._closer.add, key)
 
-    def begin_run(self) -> None:
-        """The next reading is of another run, whose odometry begins anew: about where the robot was last."""
-        self._tracker.begin_run()
+    def begin_run(self, start: Array) -> None:
+        """The next reading is of another run, whose odometry begins anew: the robot is about at `start`, shape (3,)."""
+        away = effort(between(self.keys.poses, start))
+        near = np.argsort(away, kind="stable")[: self.settings.local][::-1].tolist()
+        around = [(self.keys.points[key], self.keys.poses[key].copy()) for key in near]
+        self._tracker.resume(around, near[-1], len(self.keys) - 1, start)
 
     def undo(self, loop: int) -> None:
         """Take a loop back, by its number in the graph, and solve without it."""

@@ -82,7 +82,7 @@ class Tracker:
         self._odds = self._length = 0.0
 
     def resume(self, keys: list[tuple[Array, Array]], nearest: int, newest: int, pose: Array) -> None:
-        """Continue a map.
+        """Continue a map: the next reading is of another run, whose odometry begins anew.
 
         Args:
             keys: points and poses of its key scans around, the nearest at the end.
@@ -93,15 +93,13 @@ class Tracker:
         self._recent.extend(keys)
         self._grid.build(*zip(*self._recent, strict=True))
         self._before, self._newest, self._pose, self._moved_unseen = nearest, newest, pose, True
+        self._last_step, self._since_key, self._untold = _ORIGIN, _ORIGIN, np.zeros(2)
+        self._counted = between(keys[-1][1], pose)
 
     @property
     def pose(self) -> Array:
         """Of the last reading, in the frame of the chain, shape (3,)."""
         return self._pose
-
-    def begin_run(self) -> None:
-        """The next reading is of another run, whose odometry begins anew: about where the robot was last."""
-        self._moved_unseen, self._last_step = True, _ORIGIN
 
     def add(self, reading: Reading) -> NewKey | None:
         """Take the next reading; returns the key scan that it is, if it is one."""

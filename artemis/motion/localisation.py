@@ -96,7 +96,7 @@ class Localisation:
         """The pose that was told last, in `odom` and in `map`; None: it meant nothing."""
         self._source, self._unused = "", 0
         self._lost_at = -inf
-        """When a localizer last told that it is lost [s]."""
+        """When a localizer last told that it is lost [s]; never later than it was told."""
 
     def reset(self, pose: Pose) -> None:
         """The odometry goes on from `pose`, the robot standing where it is."""
@@ -148,7 +148,7 @@ class Localisation:
         fixes, self._waiting = (*self._waiting, *fixes), []
         for fix in fixes:
             if fix.doubt >= 1.0:
-                self._lost_at = max(self._lost_at, fix.time)
+                self._lost_at = max(self._lost_at, min(fix.time, now))
                 self._drop()
             elif not fix.covariance:
                 continue

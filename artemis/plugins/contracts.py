@@ -62,7 +62,7 @@ class PluginContext:
     """The run keeps real time: work beside the ticks is for threads. Else nothing passes while the plugin computes."""
     last_pose: Callable[[], Pose | None] = lambda: None
     """Where the robot was on the map when its last run of this mission ended; where a run is resumed, when that
-    stopped. None: not known."""
+    stopped. None: not known, or a run has driven the robot since. Each call is noted in the journal."""
     resumed: bool = False
     """The run resumes an earlier one: the robot stands at `last_pose`."""
     map: Callable[[], ShownMap | None] = lambda: None

@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from copy import deepcopy
-from datetime import datetime
+from dataclasses import dataclass
+from datetime import datetime, timedelta
 from itertools import chain, takewhile
+from math import degrees
 from pathlib import Path
 
 from msgspec.structs import replace
@@ -85,7 +87,9 @@ def _where_it_stopped(
         raise _refused(run, f"{since.name} has driven the robot since: only that run knows where it is")
     notes = [f"the recording is not whole: {recording.missing}"] if recording.missing else []
     if last.true_pose is None:
-        notes += _doubts(run, recording, last, entries)
+        if unrecorded := _unrecorded(recording, last, entries):
+            raise _refused(run, f"{unrecorded}: the position of the robot is unknown")
+        notes += _moving(last)
     pose, true_pose = Pose(), None
     if before or recording.places_robot():
         pose, true_pose = last.snapshot.pose.pose, last.true_pose
@@ -116,20 +120,61 @@ def unfinished_run(root: Path, mission: str, *, simulated: bool) -> tuple[Path, 
     return None
 
 
-def last_place(root: Path, mission: str, before: str, *, simulated: bool) -> Pose | None:
-    """Where the mission's newest run in `root` ended on its map, of those older than the folder `before`."""
-    for folder, entries in _journals(root, re.escape(mission)):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LastPlace:
+    """Where a run left the robot, as far as that still tells where it is."""
+
+    pose: Pose | None
+    """On the map; None: nobody knows where the robot is now."""
+    told: str
+    """Which run left it where; or why its place is unknown."""
+
+
+def last_place(mine: Path, mission: str, robot: str, files: Mapping[str, bytes], *, simulated: bool) -> LastPlace:
+    """Where the newest run of a mission left the robot, of those before the run in the folder `mine`, beside it.
+
+    Args:
+        mine: Folder of the run that begins.
+        mission: Its mission.
+        robot: Its robot.
+        files: What the poses are relative to, such as a map, as it is now: by the names in the mission.
+        simulated: Simulated runs count, and only they; each of their robots stands where its mission puts it.
+    """
+    for folder, entries in _journals(mine.parent, re.escape(mission)):
         facts = entries[0].data if entries else {}
-        if folder.name >= before or facts.get("mission") != mission or (facts.get("bus") == SIMULATION) != simulated:
+        if folder.name >= mine.name or (facts.get("mission"), facts.get("robot")) != (mission, robot):
+            continue
+        if (facts.get("bus") == SIMULATION) != simulated:
             continue
         try:
-            last = Recording(folder).last_tick()
+            recording = Recording(folder)
+            last = recording.last_tick()
+            if last is not None:
+                return _place_left(recording, last, entries, files, mine)
         except RecordingError:
             continue
-        if last is not None:
-            pose = last.snapshot.pose
-            return None if pose.lost or pose.frame != "map" else pose.pose
-    return None
+    return LastPlace(pose=None, told="no earlier run of this mission")
+
+
+def _place_left(
+    recording: Recording, last: TickRecord, entries: tuple[Entry, ...], files: Mapping[str, bytes], mine: Path
+) -> LastPlace:
+    located, run = last.snapshot.pose, recording.path.resolve().parent.name
+    changed = next((name for name, content in files.items() if recording.files.get(name) != content), None)
+    why = ""
+    if located.lost or located.frame != "map":
+        why = f"{run} did not know where the robot was when it ended"
+    elif changed is not None:
+        why = f"{changed} is not what it was in {run}"
+    elif last.true_pose is None:  # else each run's robot is simulated
+        since = _driven_since(recording, mine.parent, but=mine.resolve())
+        unrecorded = _unrecorded(recording, last, entries) or " ".join(_moving(last))
+        why = f"{since.name} has driven the robot since {run}" if since else unrecorded and f"{run}: {unrecorded}"
+    if why:
+        return LastPlace(pose=None, told=why)
+    pose, ended = located.pose, recording.start + timedelta(seconds=last.snapshot.time)
+    place = f"x {pose.x:.2f} m, y {pose.y:.2f} m, heading {degrees(pose.heading):.0f} deg"
+    return LastPlace(pose=pose, told=f"{place}: there {run} ended at {ended:%Y-%m-%d %H:%M:%S}")
 
 
 def _journals(root: Path, mission: str = ".*") -> Iterator[tuple[Path, tuple[Entry, ...]]]:
@@ -161,32 +206,38 @@ def _ended(entries: tuple[Entry, ...]) -> bool:
     return bool(entries) and entries[-1].kind == "end"
 
 
-def _doubts(run: Path, recording: Recording, last: TickRecord, entries: tuple[Entry, ...]) -> list[str]:
-    """Why a real robot may not stand where the recording ends."""
-    time, speed = last.snapshot.time, abs(last.snapshot.odometry.speed)
-    unknown = "the position of the robot is unknown"
+def _unrecorded(recording: Recording, last: TickRecord, entries: tuple[Entry, ...]) -> str:
+    """Why a real robot may stand anywhere but where the recording ends; empty: it does not."""
+    time = last.snapshot.time
     until = entries[-1].time if entries else time
     if until > time + LONGEST_GAP:
-        seen = f"its recording ends at {time:.2f} s, the run lasted until {until:.2f} s"
-        raise _refused(run, f"{seen}: {unknown}")
+        return f"its recording ends at {time:.2f} s, the run lasted until {until:.2f} s"
     if not entries and recording.missing:
-        raise _refused(run, f"its recording is cut off, and no journal shows how long the run lasted: {unknown}")
+        return "its recording is cut off, and no journal shows how long the run lasted"
     for entry in entries:
         if entry.kind == "fault" and entry.data.get("id") in _DISK and entry.time > time:
-            failed = f"{entry.data['id']} at {entry.time:.2f} s"
-            raise _refused(run, f"the disk failed ({failed}) after what is recorded: {unknown}")
+            return f"the disk failed ({entry.data['id']} at {entry.time:.2f} s) after what is recorded"
+    return ""
+
+
+def _moving(last: TickRecord) -> list[str]:
+    """That a robot stands further along than recorded, if it does."""
+    speed = abs(last.snapshot.odometry.speed)
     return [
         f"the robot was moving with {speed:.2f} m/s when the recording ends: it stands further along than recorded"
     ] * (speed > MOVING)
 
 
-def _driven_since(recording: Recording, root: Path) -> Path | None:
-    """A run of whichever mission that began after this one, and drove the same robot, in `root` or where others lie."""
+def _driven_since(recording: Recording, root: Path, but: Path | None = None) -> Path | None:
+    """A run of whichever mission that began after this one, and drove the same robot, in `root` or where others lie.
+
+    None: there is none `but` that in this folder.
+    """
     begun, roots = f"{recording.start:%Y%m%dT%H%M%SZ}", {root.resolve(), *noted_folders()}
     later = [takewhile(lambda found: found[0].name[:16] >= begun, _journals(each)) for each in sorted(roots)]
     for folder, entries in chain.from_iterable(later):
         facts = entries[0].data if entries else {}
-        if facts.get("bus") == SIMULATION or facts.get("robot") != recording.robot.robot:
+        if facts.get("bus") == SIMULATION or facts.get("robot") != recording.robot.robot or folder == but:
             continue
         drove = any(entry.kind == "mode" and entry.data.get("to") in _DRIVING for entry in entries)
         if drove and datetime.fromisoformat(facts["date"]) > recording.start:

@@ -31,6 +31,7 @@ class Done:
 
     outcome: app.Outcome
     ticks: list[Tick] = field(default_factory=list)
+    told: list[str] = field(default_factory=list)
 
     @property
     def folder(self) -> Path:
@@ -60,7 +61,7 @@ def run(
     parts: app.Parts | None = None,
 ) -> Done:
     """Run a mission, or go on with a run of it; somebody ends it in order after the tick that is `until`."""
-    loaded, ticks = load_mission(mission), list[Tick]()
+    loaded, ticks, told = load_mission(mission), list[Tick](), list[str]()
     asked: list[Callable[[Request], None]] = []
 
     def operator(request: Callable[[Request], None], typed: object) -> Callable[[], None]:
@@ -75,9 +76,16 @@ def run(
 
     found = resume_point(mission, resume, simulate) if resume else None
     outcome = app.run_mission(
-        loaded, mission, simulate=simulate, watch=watch, operator=operator, resume_point=found, parts=parts
+        loaded,
+        mission,
+        simulate=simulate,
+        watch=watch,
+        operator=operator,
+        tell=told.append,
+        resume_point=found,
+        parts=parts,
     )
-    return Done(outcome, ticks)
+    return Done(outcome, ticks, told)
 
 
 def of_a_robot(mission: Path) -> Callable[[], tuple[FrameBus, None]]:

@@ -418,6 +418,15 @@ def test_a_lost_localizer_takes_the_pose_back_until_its_next_fix() -> None:
     assert apart(found, drive.true[-1]) == pytest.approx(3.0, abs=0.05), "believed at once"
 
 
+def test_a_lost_localizer_of_the_future_is_lost_now_and_not_until_then() -> None:
+    drive = Drive()
+    drive.go(drive.fix())
+    drive.go_on(10)
+    assert drive.go(replace(drive.fix(), time=drive.time + 3600.0, covariance=(), doubt=1.0)).lost
+    drive.go_on(2)
+    assert not drive.go(drive.fix()).lost
+
+
 def test_a_fix_without_a_covariance_tells_nothing_of_the_pose() -> None:
     drive, other = Drive(), Drive()
     for each, fixes in ((drive, (replace(fix(0.2, Pose(x=9.0)), covariance=(), doubt=0.9),)), (other, ())):

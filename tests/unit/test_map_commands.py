@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 from map_command import call, refused
 
+from artemis.commands import map_edit
+from artemis.commands.map_kept import say_moved
 from artemis.commands.path_record import MapTrajectory
 from artemis.errors import ConfigError
 from artemis.mapping.graph_file import read_graph
 from artemis.mapping.map_file import read_map
 from artemis.mapping.occupancy import OCCUPIED
 from artemis.mapping.se2 import Array, between
+from artemis.route_planning.zones import MapZones
 from artemis_lab.bench.laser_worlds import OFFICE, driven, odometry, seen, walls
 
 WAY = driven([(-2, -3), (0, -3), (0, 1), (0, -3), (-2, -3)], 0.25)
@@ -78,6 +81,25 @@ def test_two_runs_make_one_map(log: Path, tmp_path: Path) -> None:
     assert len(read_graph(tmp_path / "two.graph").trajectory) == 2 * len(WAY)
 
 
+def test_a_further_run_may_begin_anywhere_on_the_map(log: Path, tmp_path: Path) -> None:
+    """It begins elsewhere than the first one ended, and looks the other way."""
+    way = driven([(0, 0), (0, 1), (0, -2)], 0.25)
+    told = call("build", log, written(tmp_path / "b.clf", way, 1.0), "-o", tmp_path / "two.yaml")
+    assert "b.clf: begins 3.5 m from where the one before ended" in told
+    true = np.concatenate([WAY, way])
+    off = between(between(true[0], true), read_graph(tmp_path / "two.graph").trajectory[:, 1:])
+    assert np.hypot(off[:, 0], off[:, 1]).max() < 0.1
+
+
+def test_a_further_run_from_elsewhere_is_refused(log: Path, tmp_path: Path) -> None:
+    tent = walls([(-2, -1), (7, -2), (3, 4), (-2, -1)])
+    elsewhere = written(tmp_path / "e.clf", driven([(0, 0), (3, 0)], 0.25), 1.0, tent)
+    said = refused("build", log, elsewhere, "-o", tmp_path / "two.yaml")
+    assert "e.clf: its first scans fit neither where the run before ended nor" in said
+    assert "name the runs in an order in which each begins where those before have been" in said
+    assert not (tmp_path / "two.yaml").exists()
+
+
 def test_what_cannot_be_is_refused(log: Path, tmp_path: Path) -> None:
     made = tmp_path / "m.yaml"
     assert "name the map .yaml" in refused("build", log, "-o", tmp_path / "m.png")
@@ -122,6 +144,71 @@ def test_a_map_is_gone_on_with(log: Path, tmp_path: Path) -> None:
     again = tmp_path / "again.yaml"
     call("build", second, "--continue", begun, "-o", again)
     assert again.with_suffix(".graph").read_bytes() == more.with_suffix(".graph").read_bytes()
+
+
+ZONES = """# by the caretaker
+zones:
+  - {name: stairs, kind: keep-out, corners: [[1, 1], [2, 1], [2, 2]]}
+places:
+  dock: {x_m: 1, y_m: 0, heading_deg: 0}
+"""
+
+
+def test_zones_and_places_go_with_a_map_that_is_continued(log: Path, tmp_path: Path) -> None:
+    begun, more = tmp_path / "begun.yaml", tmp_path / "more.yaml"
+    call("build", log, "-o", begun)
+    (tmp_path / "begun.zones.yaml").write_text(ZONES)
+    told = call("build", log, "--continue", begun, "-o", more)
+    assert (tmp_path / "more.zones.yaml").read_text() == ZONES
+    assert "more.zones.yaml: 1 zones, 1 places" in told
+    assert "the walls around it moved" not in told
+    (tmp_path / "begun.zones.yaml").unlink()
+    told = call("build", log, "--continue", begun, "-o", more, "--force")
+    assert "more.zones.yaml: removed, as" in told
+    (tmp_path / "begun.zones.yaml").write_text("zones: 1\n")
+    assert "begun.zones.yaml:1:1: zones" in refused("build", log, "--continue", begun, "-o", tmp_path / "third.yaml")
+
+
+def test_painted_areas_are_not_lost_unasked(log: Path, tmp_path: Path) -> None:
+    begun, shut, more = (tmp_path / f"{name}.yaml" for name in ("begun", "shut", "more"))
+    call("build", log, "-o", begun)
+    call("edit", begun, "-o", tmp_path / "turned.yaml", "--rotate", "30")
+    call("build", log, "--continue", tmp_path / "turned.yaml", "-o", tmp_path / "on.yaml")  # drawn anew: not painted
+    call("edit", begun, "-o", shut, "--no-go", "1,1,2,1,2,2,1,2")
+    assert "were edited by hand: the image is drawn again from its graph, without that" in (
+        said := refused("build", log, "--continue", shut, "-o", more)
+    )
+    assert said.endswith("; with --force it is lost")
+    assert not more.exists()
+    assert "were edited by hand" in call("build", log, "--continue", shut, "-o", more, "--force")
+
+
+def test_who_moves_walls_says_which_zones_and_places_stay(capsys: pytest.CaptureFixture[str]) -> None:
+    """The key scan beside the zone turns by 0.1 rad; the one beside the place goes by less than a cell."""
+    slow = {"kind": "slow", "speed_m_s": 0.2, "corners": [[1, 0], [2, 0], [2, 1]]}
+    known = MapZones.model_validate({"zones": [slow], "places": {"dock": {"x_m": 9, "y_m": 0, "heading_deg": 0}}})
+    old = np.array([[0.0, 0.0, 0.0], [9.0, 1.0, 1.0]])
+    say_moved(known, old, old + np.array([[0.0, 0.0, 0.1], [0.04, 0.0, 0.0]]), 0.05)
+    far = 2 * np.sin(0.05) * np.hypot(2, 1)
+    said = f"zone 1: the walls around it moved by {far:.2f} m, it stays: check it"
+    assert capsys.readouterr().out.splitlines() == [f"{'notice':<12}{said}"]
+
+
+def test_an_undone_loop_says_what_stays(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = tmp_path / "made.yaml"
+    call("build", log, "-o", made)
+    (tmp_path / "made.zones.yaml").write_text(ZONES)
+    moved: list[tuple[MapZones, float]] = []
+
+    def note(known: MapZones, old: Array, new: Array, cell: float) -> None:
+        moved.append((known, float(np.abs(new - old).max())))
+
+    monkeypatch.setattr(map_edit, "say_moved", note)
+    number = next(iter(read_graph(tmp_path / "made.graph").graph.loops))
+    call("edit", made, "-o", tmp_path / "other.yaml", "--undo-loop", str(number), "--rotate", "90")
+    ((known, most),) = moved
+    assert list(known.places) == ["dock"]
+    assert 0.0 < most < 0.1, "of the loop alone, not of the rotation"
 
 
 def test_a_map_is_not_continued_from_elsewhere(log: Path, tmp_path: Path) -> None:

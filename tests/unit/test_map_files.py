@@ -72,6 +72,23 @@ def test_every_mode_is_read(tmp_path: Path, extra: str, expected: list[int]) -> 
     assert read_map(placed(tmp_path, negated, turned)).cells[0].tolist() == expected
 
 
+def test_a_map_whose_unknown_cells_would_be_free_is_refused(tmp_path: Path) -> None:
+    wide = YAML.replace("0.196", "0.25")
+    negated = wide.replace("negate: 0", "negate: 1")
+    for yaml, pgm in ((wide, b"P2 3 1 255 254 205 0"), (negated, b"P2 3 1 255 1 50 255")):
+        with pytest.raises(ConfigError) as caught:
+            read_map(placed(tmp_path, yaml, pgm))
+        assert "m.yaml:6:1: free_thresh: 0.25 makes free what savers write for unknown" in str(caught.value)
+        assert "1 of 3 cells" in str(caught.value)
+        assert "write free_thresh: 0.196" in str(caught.value)
+
+
+@pytest.mark.parametrize(("mode", "grey"), [("trinary", 254), ("scale", 205)])
+def test_a_wide_threshold_is_no_error_without_unknown_cells(tmp_path: Path, mode: str, grey: int) -> None:
+    yaml = YAML.replace("0.196", "0.25") + f"mode: {mode}\n"
+    assert read_map(placed(tmp_path, yaml, f"P2 2 1 255 {grey} 0".encode())).cells[0].tolist() == [0, 100]
+
+
 def test_a_map_with_fewer_greys_is_read() -> None:
     assert read_pgm(b"P2 3 1 15 0 7 15", "x").tolist() == [[0, 119, 255]]
 

@@ -69,6 +69,39 @@ def test_a_robot_is_found_anywhere(known: ScanMap, begin: int) -> None:
     assert errors(found, way)[first:].max() < 0.08
 
 
+def room(x: float) -> Array:
+    """A room whose lower left corner is at (x, 0), with things in it that show which way is which."""
+    return np.concatenate([box(x, 0, 5, 4), box(x + 1, 0, 1.2, 0.7), box(x + 4.3, 1.5, 0.7, 0.5)])
+
+
+def compared(on: ScanMap, world: Array, true: Array, *, by_operator: bool) -> tuple[list[int], Array | None]:
+    """At which scans a robot that stands was looked for, its place being given; and where else it may be."""
+    near, std, looked = true + np.array([-0.1, -0.1, 0.1]), (0.3, 0.17), list[int]()
+    localizer = ScanLocalizer(on, TUNED, None if by_operator else near, std)
+    if by_operator:
+        localizer.begin_at(near, std)
+    for number in range(30):
+        found = localizer.update(scan(world, true), np.zeros(3))
+        assert not found.lost
+        assert np.hypot(*(found.pose - true)[:2]) < 0.02
+        if (wanted := localizer.wanted()) is not None:
+            looked.append(number)
+            localizer.take(wanted, localizer.look(wanted))
+    return looked, localizer.rival
+
+
+@pytest.mark.parametrize("by_operator", [False, True])
+def test_a_given_place_is_compared_once_with_all_others(known: ScanMap, by_operator: bool) -> None:
+    after = [TUNED.gather_scans - 1]
+    assert compared(known, OFFICE, WAY[3], by_operator=by_operator) == (after, None)
+    equal = np.concatenate([room(0), room(7)])
+    stands = np.array([[x, y, turn] for x in (1, 4, 8, 11) for y in (1.5, 3) for turn in (0, 2, 4)], float)
+    rooms = ScanMap.of_scans([scan(equal, pose) for pose in stands], stands, TUNED.matching)
+    looked, rival = compared(rooms, equal, np.array([2.6, 2.1, 0.0]), by_operator=by_operator)
+    assert looked == after
+    assert rival == pytest.approx([9.6, 2.1, 0.0], abs=0.02)
+
+
 def test_a_kidnapped_robot_says_so_and_is_found_again(known: ScanMap) -> None:
     way = np.concatenate([WAY[:15], WAY[55:90]])
     counted = odometry(WAY, [1.0] * (len(WAY) - 1))

@@ -151,6 +151,20 @@ def test_a_pose_that_does_not_fit_is_refused_and_the_robot_is_followed_as_before
     assert localizer.take_problems() == []
 
 
+def test_a_start_that_fits_another_place_as_well_is_doubted() -> None:
+    localizer = made(start=START)
+    shown(localizer, range(230))
+    ((row, words),) = localizer.take_problems()
+    assert row == "LOC-07"
+    x, y, heading = (float(each) for each in re.findall(r"-?[\d.]+", words))
+    assert words == f"x {x:.2f} m, y {y:.2f} m, heading {heading:.0f} deg fits as well"
+    assert abs(heading) == pytest.approx(180.0, abs=1.0), "the empty room looks the same after half a turn"
+    left, right, low, high = ROOM
+    assert [x, y] == pytest.approx([left + right - SPEED * 1.2, low + high], abs=0.1)
+    shown(localizer, range(230, 400))
+    assert localizer.take_problems() == []
+
+
 def test_in_real_time_scans_wait_for_the_thread_and_the_oldest_are_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
     gate = Event()
     build = ScanMapLocalizer._begun

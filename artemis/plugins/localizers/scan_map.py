@@ -8,7 +8,7 @@ if they had taken their time: so the same run is the same again.
 from __future__ import annotations
 
 from collections import deque
-from math import inf, radians, sqrt
+from math import degrees, inf, radians, sqrt
 from pathlib import Path as FilePath
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 MATCHING, SEARCHING = 0.02, 3.0
 """On virtual time a scan is matched, and the whole map searched, in so long [s]."""
-REFUSED = "LOC-07"
+DOUBTED = "LOC-07"
 WAITING = 3
 """Scans that may wait for those before."""
 
@@ -53,7 +53,7 @@ class ScanMapConfig(Config):
     scanner: str | None = None
     """Its name in the robot file; None: there is only one."""
     start: StartPose | Literal["global", "last"] = "global"
-    """Where the robot begins; anywhere; or where the last run of this mission ended."""
+    """Where the robot begins; anywhere; or where the last run of this mission ended, if none has driven it since."""
     start_std_m: Annotated[float, Field(gt=0, le=2)] = 0.3
     """Standard deviation of x and y there, also of `last`."""
     start_std_deg: Annotated[float, Field(gt=0, le=90)] = 10.0
@@ -85,6 +85,7 @@ class ScanMapLocalizer:
         if isinstance(config.start, StartPose) and not self._known.contains(config.start.x_m, config.start.y_m):
             place = f"({config.start.x_m:g}, {config.start.y_m:g})"
             raise ConfigError(f"{self._name}: start: {place} lies outside of {config.map}")
+        self._start = self._given_start()
         self._odometry = RecentOdometry(context.robot)
         self._waiting: Scan | None = None
         self._next = -inf
@@ -93,8 +94,8 @@ class ScanMapLocalizer:
         """With the time from which on it may be reported [s]."""
         self._looked: deque[tuple[float, PlaceSearch, Match | None]] = deque()
         self._given: deque[LocatedPose] = deque(maxlen=1)
-        self._refused: deque[float] = deque()
-        """The pose that was given; and how well the scans fitted there, where they did not fit."""
+        self._doubts: deque[str] = deque()
+        """The pose that was given; and what speaks against one."""
         self._error: BaseException | None = None
         self._dropped = self._gaps = 0
         threaded = context.real_time
@@ -154,9 +155,8 @@ class ScanMapLocalizer:
         self._given.append(initial)
 
     def take_problems(self) -> list[tuple[str, str]]:
-        """Poses that were given and do not fit."""
-        refused = [self._refused.popleft() for _ in range(len(self._refused))]
-        return [(REFUSED, f"a scan fits {score:.0%} at best there") for score in refused]
+        """Poses that were given and do not fit, or fit no better than others."""
+        return [(DOUBTED, self._doubts.popleft()) for _ in range(len(self._doubts))]
 
     def close(self) -> None:
         """Let both threads end."""
@@ -173,18 +173,22 @@ class ScanMapLocalizer:
             self._made = self._begun()
         return self._made
 
+    def _given_start(self) -> Pose | None:
+        """Where the robot begins; None: anywhere."""
+        start = self._config.start
+        if start == "last" or self._context.resumed:
+            return self._context.last_pose()
+        if isinstance(start, StartPose):
+            return Pose(x=start.x_m, y=start.y_m, heading=radians(start.heading_deg))
+        return None
+
     def _begun(self) -> ScanLocalizer:
         import numpy as np
 
         from artemis.localisation.scan_localizer import LocalizerSettings, ScanLocalizer
         from artemis.localisation.scan_map import ScanMap
 
-        config, settings = self._config, LocalizerSettings()
-        given: Pose | None = None
-        if config.start == "last" or self._context.resumed:
-            given = self._context.last_pose()
-        elif isinstance(config.start, StartPose):
-            given = Pose(x=config.start.x_m, y=config.start.y_m, heading=radians(config.start.heading_deg))
+        config, settings, given = self._config, LocalizerSettings(), self._start
         return ScanLocalizer(
             ScanMap.of_cells(self._known, settings.matching),
             settings,
@@ -203,6 +207,9 @@ class ScanMapLocalizer:
         while self._looked and self._looked[0][0] <= now:
             _, search, found = self._looked.popleft()
             localizer.take(search, found)
+            if localizer.rival is not None:
+                x, y, heading = localizer.rival.tolist()
+                self._doubts.append(f"x {x:.2f} m, y {y:.2f} m, heading {degrees(heading):.0f} deg fits as well")
         points = points_of(seen, self._context.robot.scanners[self._scanner], localizer.settings.matching)
         if self._given:
             initial = self._given.popleft()
@@ -213,7 +220,7 @@ class ScanMapLocalizer:
         matched, delay = localizer.update(points, odometry), self._delays[0]
         self._found.append((now + delay, self._fix(matched, seen.time)))
         if localizer.refused is not None:
-            self._refused.append(localizer.refused)
+            self._doubts.append(f"a scan fits {localizer.refused:.0%} at best there")
         if (wanted := localizer.wanted()) is not None:
             self._searching.put((now, wanted))
 
