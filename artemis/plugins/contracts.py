@@ -146,7 +146,7 @@ class Scanner(Protocol):
 
         Raises:
             DeviceError: the device is gone or does not answer (LAS-01), `WrongDevice`: does not do what it shall
-                (LAS-05). `run` is called again after a pause of 0.5 s, doubled each time up to 8 s until scans came.
+                (LAS-09). `run` is called again after a pause of 0.5 s, doubled each time up to 8 s until scans came.
         """
 
     def close(self) -> None:

@@ -17,7 +17,7 @@ from artemis.scan import Condition, Scan
 
 FIRST_PAUSE, LONGEST_PAUSE = 0.5, 8.0
 """Before a scanner is run again [s]; doubled each time, until scans came."""
-LOST, MISCONFIGURED = "LAS-01", "LAS-05"
+LOST, MISCONFIGURED = "LAS-01", "LAS-09"
 MOST_BEAMS = 1 << 14
 _TOLERANCE = 1e-6
 """Times are rounded [s]."""

@@ -50,6 +50,7 @@ NOT_INJECTED: dict[str, str] = {
     "NET-13": "needs an observer with a process of its own: a simulation that keeps real time",
     **dict.fromkeys(("NET-14", "LOC-07"), "needs an operator who gives goals and poses"),
     "LAS-08": "needs something in the robot's way",
+    "LAS-09": "a scanner is configured when it is connected",
     "LOC-06": "on virtual time a localizer takes no time",
     **{f"PTH-{number:02}": _FILE for number in range(1, 5)},
     "PTH-05": "a path begins where the robot stands",

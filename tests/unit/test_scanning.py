@@ -109,7 +109,7 @@ def test_after_scans_it_is_looked_for_soon() -> None:
 
 def test_one_that_does_not_what_it_shall_is_another_row() -> None:
     _, problems = ran(Doing(raising(WrongDevice("front", "25 Hz, not 50"))), 0.1)
-    assert problems[0] == ("LAS-05", "front", "25 Hz, not 50")
+    assert problems[0] == ("LAS-09", "front", "25 Hz, not 50")
 
 
 def test_a_plugin_that_raises_is_not_run_again() -> None:

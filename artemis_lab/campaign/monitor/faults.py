@@ -28,7 +28,7 @@ RECOVERIES = 5
 """Automatic recoveries in a run; then a person is needed."""
 AUTOMATIC = {
     **dict.fromkeys(("DRV-18", "DRV-23", "DRV-38", "COM-28", "PLG-02", "PTH-07", "COM-25"), 1),
-    **dict.fromkeys(("COM-03", "COM-11", "COM-14", "COM-15", "LAS-05"), 2),
+    **dict.fromkeys(("COM-03", "COM-11", "COM-14", "COM-15", "LAS-05", "LAS-09"), 2),
     **dict.fromkeys(("COM-07", "COM-08", "COM-31", "RUN-05", "SYS-01", "INP-01", "INP-03", "INP-06"), 3),
     **dict.fromkeys(("LAS-01", "LAS-02"), 5),
 }
