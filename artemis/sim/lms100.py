@@ -36,9 +36,16 @@ SPIN_UP, GET_READY = 10.0, 0.3
 """Until it measures after another frequency was set, and after it was started [s]."""
 TRANSFER = 1e-3
 """From the last beam of a scan to its telegram, and from a request to its answer [s]; an assumption."""
-IDLE, ROTATES, PREPARES, MEASURES = 3, 4, 5, 7
+INITIALISES, IDLE, ROTATES, PREPARES, MEASURES = 1, 3, 4, 5, 7
 SERIAL = 0x89A27F
-_CODES = {"access": "sFA 1", "method": "sFA 2", "variable": "sFA 3", "data": "sFA 5", "write": "sFA A"}
+_CODES = {
+    "later": "sFA 4",
+    "access": "sFA 1",
+    "method": "sFA 2",
+    "variable": "sFA 3",
+    "data": "sFA 5",
+    "write": "sFA A",
+}
 
 
 class Optics(Protocol):
@@ -59,7 +66,8 @@ class ClientLine:
     def receive(self, data: bytes) -> None:
         """Take bytes of the client; answers go to `send`."""
         for telegram in self._reader.feed(data):
-            self.send(framed(self._device.answer(telegram, self)))
+            if not self._device.is_deaf:
+                self.send(framed(self._device.answer(telegram, self)))
 
 
 class Lms100:
@@ -72,7 +80,9 @@ class Lms100:
         self._drift, self.first_us = drift, first_us
         self.frequency, self.resolution = 5000, 5000
         self._sector = FIRST, LAST
-        self._interval, self._remission = 1, 0
+        self._interval, self._remission, self._content = 1, 0, "DIST1"
+        self.filters: dict[str, tuple[int, ...]] = {"FREchoFilter": (0,), "LFPmeanfilter": (0, 2, 0)}
+        """Values of the filters that it has; which ones an LMS100 has depends on its firmware."""
         self._measuring_from, self._spinning_from = self._begun, self._begun
         self._started = True
         self._lines: list[ClientLine] = []
@@ -84,6 +94,9 @@ class Lms100:
         self.status = (0, 0)
         """Of the device, as it tells it: 0 1 error, 0 2 window nearly too dirty, 0 5 window too dirty."""
         self.spin_up = SPIN_UP
+        self.answers_always = True
+        """Also while its motor changes its speed; SICK says that there may be no answer then."""
+        self._started_from = self._begun
         self.plugged_in = True
         self.silent = self.frozen = False
         """It sends no scans; or the same one again and again."""
@@ -124,12 +137,30 @@ class Lms100:
             line.hang_up()
         self._lines.clear()
 
+    def restart(self, seconds: float) -> None:
+        """Power it off and on: it is as it was made, takes connections at once, but starts for so long [s]."""
+        self.unplug()
+        self.plugged_in = True
+        now = self._loop.time()
+        self.frequency, self.resolution, self._sector = 5000, 5000, (FIRST, LAST)
+        self._interval, self._remission, self._content = 1, 0, "DIST1"
+        self._started = True
+        self._started_from = self._spinning_from = now + seconds
+        self._measuring_from = self._started_from + GET_READY
+
     # ---------------------------------------------------------------------------------------------- answers
+
+    @property
+    def is_deaf(self) -> bool:
+        """It answers nothing."""
+        return not self.answers_always and self._loop.time() < self._spinning_from
 
     @property
     def state(self) -> int:
         """As `STlms` tells it."""
         now = self._loop.time()
+        if now < self._started_from:
+            return INITIALISES
         if now < self._spinning_from:
             return ROTATES
         if not self._started:
@@ -150,12 +181,8 @@ class Lms100:
             case "sMN", "SetAccessMode":
                 line.authorised = rest == [b"03", b"F4724744"]
                 return f"sAN SetAccessMode {int(line.authorised)}"
-            case "sRN", "STlms":
-                return f"sRA STlms {self.state} 0 8 00:00:00 8 01.01.00 0 0 0"
-            case "sRN", "LMPscancfg":
-                return f"sRA LMPscancfg {self._configuration()}"
-            case "sRN", "LMDscandata":
-                return self._scan("sRA", self._turn(self._loop.time()))
+            case "sRN", _:
+                return self._read(name)
             case "sEN", "LMDscandata":
                 line.streams = unsigned(rest[0], 8) != 0
                 self._arm()
@@ -164,18 +191,37 @@ class Lms100:
                 line.authorised = False
                 self._start()
                 return "sAN Run 1"
+            case "sMN", "LMCstopmeas" if self.state == INITIALISES:
+                return "sAN LMCstopmeas 1"
             case "sMN", _ if name in _METHODS:
                 return self._method(name, rest) if line.authorised else _CODES["access"]
-            case "sWN", "LMDscandatacfg" | "LMPoutputRange":
+            case "sWN", _ if name in ("LMDscandatacfg", "LMPoutputRange", *self.filters):
                 return self._write(name, rest) if line.authorised else _CODES["write"]
             case "sMN", _:
                 return _CODES["method"]
+        return _CODES["variable"]
+
+    def _read(self, name: str) -> str:
+        match name:
+            case "STlms":
+                return f"sRA STlms {self.state} 0 8 00:00:00 8 01.01.00 0 0 0"
+            case "LMPscancfg":
+                return f"sRA LMPscancfg {self._configuration()}"
+            case "LMPoutputRange":
+                first, last = self._sector
+                return f"sRA LMPoutputRange 1 {self.resolution:X} {first & 0xFFFFFFFF:X} {last & 0xFFFFFFFF:X}"
+            case "LMDscandata":
+                return self._scan("sRA", self._turn(self._loop.time()))
+            case _ if name in self.filters:
+                return f"sRA {name} {' '.join([f'{value:X}' for value in self.filters[name]])}"
         return _CODES["variable"]
 
     def _configuration(self) -> str:
         return f"{self.frequency:X} 1 {self.resolution:X} {FIRST & 0xFFFFFFFF:X} {LAST:X}"
 
     def _method(self, name: str, rest: list[bytes]) -> str:
+        if self.state == INITIALISES:
+            return _CODES["later"]
         if name == "mLMPsetscancfg":
             return f"sAN mLMPsetscancfg {self._configure(rest)} {self._configuration()}"
         if name == "mEEwriteall":
@@ -207,12 +253,19 @@ class Lms100:
         return 0
 
     def _write(self, name: str, rest: list[bytes]) -> str:
-        if name == "LMPoutputRange":
+        if self.state == INITIALISES:
+            return _CODES["later"]
+        if name in self.filters:
+            if len(rest) != len(self.filters[name]):
+                return _CODES["data"]
+            self.filters[name] = tuple(unsigned(word, 16) for word in rest)
+        elif name == "LMPoutputRange":
             start, stop = signed(rest[2], 32), signed(rest[3], 32)
             if not FIRST <= start < stop <= LAST:
                 return _CODES["data"]
             self._sector = start, stop
         else:
+            self._content = "DIST2" if unsigned(rest[0], 8) == 2 else "DIST1"
             self._remission = unsigned(rest[2], 8) and (16 if unsigned(rest[3], 8) else 8)
             self._interval = max(1, signed(rest[-1], 32))
         return f"sWA {name}"
@@ -269,7 +322,7 @@ class Lms100:
         )
         where = f"{first & 0xFFFFFFFF:X} {step:X} {len(distances):X}"
         words = " ".join([_WORDS[distance] for distance in distances])
-        channels = f"1 DIST1 3F800000 00000000 {where} {words}"
+        channels = f"1 {self._content} 3F800000 00000000 {where} {words}"
         strengths = f"RSSI1 3F800000 00000000 {where} {' '.join(['64' if value else '0' for value in distances])}"
         if self._remission == 16:
             channels = f"2{channels[1:]} {strengths}"

@@ -15,8 +15,8 @@ from artemis.scan import Condition, Scan
 from artemis.supervision.measures import Reading
 from artemis.values import Sensed
 
-BEGIN_TIME = 20.0
-"""A scanner has so long from the begin of the run to its first scan [s]: a motor that changes its speed takes ten."""
+BEGIN_TIME = 60.0
+"""A scanner has so long from the begin of the run to its first scan [s]: a motor that changes its speed may take 30."""
 IDENTICAL = 5
 """So many scans that are equal bit for bit come of no scanner that measures: its noise is many millimetres."""
 TELEGRAMS = 10

@@ -9,7 +9,9 @@ from math import radians
 import pytest
 from scanner_rig import Held, held
 
-from artemis.errors import DeviceLost, DeviceTimeout, ProtocolError, WrongDevice
+from artemis.devices.lms1xx.dialogue import NotReady
+from artemis.devices.lms1xx.telegrams import framed
+from artemis.errors import DeviceError, DeviceLost, DeviceTimeout, ProtocolError, WrongDevice
 from artemis.plugins.scanners.lms1xx import Lms1xxConfig
 from artemis.scan import Condition
 from artemis.sim.lms100 import ClientLine, Lms100
@@ -114,11 +116,14 @@ def test_a_device_that_falls_silent() -> None:
     held(test)
 
 
+LOGIN = "sMN SetAccessMode 03 F4724744"
+SLOWER = Lms1xxConfig(host="scanner", frequency_hz=25)
+"""Another setting than the device was made with."""
 ANSWERS = {
     "SetAccessMode": ("sAN SetAccessMode 0", "was its password changed?"),
-    "LMCstopmeas": ("sFA D", "refuses sMN LMCstopmeas: busy (sFA D)"),
+    "LMCstopmeas": ("sFA 1", "refuses sMN LMCstopmeas: access denied (sFA 1)"),
     "mLMPsetscancfg": ("sAN mLMPsetscancfg 2 1388 1 1388 FFF92230 225510", "it has no such resolution"),
-    "LMPscancfg": ("sRA LMPscancfg 9C4 1 1388 FFF92230 225510", "says that it measures with 25 Hz and 0.5 degrees"),
+    "LMPscancfg": ("sRA LMPscancfg 1388 1 1388 FFF92230 225510", "says that it measures with 50 Hz and 0.5 degrees"),
     "LMCstartmeas": ("sFA 1", "access denied (sFA 1)"),
     "LMDscandata": ("sEA LMDscandata 0", "sEA LMDscandata 1 was expected"),
 }
@@ -130,11 +135,11 @@ def test_a_device_that_does_not_do_as_it_is_asked(name: str, monkeypatch: pytest
     _answering(monkeypatch, {name: answer})
 
     async def test(at: Held) -> None:
-        error = await at.hold(5.0)
+        error = await at.hold(15.0)
         assert isinstance(error, WrongDevice)
         assert words in error.problem
 
-    held(test)
+    held(test, SLOWER)
 
 
 @pytest.mark.parametrize(
@@ -154,14 +159,14 @@ def test_garbage_for_an_answer(name: str, answer: str, words: str, monkeypatch: 
         assert isinstance(error, ProtocolError)
         assert words in error.problem
 
-    held(test)
+    held(test, SLOWER)
 
 
 @pytest.mark.parametrize(
     ("name", "answer", "words"),
     [
         ("LMCstopmeas", "sAN another 0", "no answer to sMN LMCstopmeas within 1 s"),
-        ("STlms", "sRA STlms 4 0", "does not begin to measure within 30 s (state 4)"),
+        ("STlms", "sRA STlms 4 0", "does not begin to measure within 60 s (state 4)"),
     ],
 )
 def test_a_device_that_never_answers_or_never_measures(
@@ -174,7 +179,7 @@ def test_a_device_that_never_answers_or_never_measures(
         assert isinstance(error, DeviceTimeout)
         assert words in error.problem
 
-    held(test)
+    held(test, SLOWER)
 
 
 def test_what_the_device_says_of_itself() -> None:
@@ -218,11 +223,203 @@ def test_a_late_answer_is_no_garbage() -> None:
     held(test)
 
 
-def test_scans_without_distances_are_garbage() -> None:
+def test_a_device_that_another_program_configures_is_configured_again() -> None:
     async def test(at: Held) -> None:
-        at.device.garble = lambda telegram: telegram.replace(b"DIST1", b"DIST2")
-        assert await at.hold(2.0) is None
-        assert at.scans == []
+        loop = asyncio.get_running_loop()
+
+        async def configure() -> None:
+            await asyncio.sleep(1.0)
+            other = await at.device.dial("scanner", 2111)
+            for request in (LOGIN, "sWN LMDscandatacfg 02 00 0 1 0 00 00 0 0 0 0 +1"):
+                other.write(framed(request))
+                await other.read()
+
+        another = asyncio.ensure_future(configure())
+        error = await at.hold(5.0)
+        assert isinstance(error, DeviceTimeout)
+        assert "telegrams without DIST1: does another program configure it?" in error.problem
+        assert loop.time() == pytest.approx(1.5, abs=0.03)
+        number = len(at.scans)
+        assert await at.hold(1.0) is None
+        assert len(at.scans) > number + 40
+        await another
+
+    held(test)
+
+
+def test_telegrams_that_cannot_be_read_end_the_session() -> None:
+    async def test(at: Held) -> None:
+        at.device.garble = lambda telegram: telegram[:100]
+        error = await at.hold(5.0)
+        assert isinstance(error, DeviceTimeout)
+        assert "no scan within 0.5 s: 24 damaged telegrams" in error.problem
+
+    held(test)
+
+
+def test_a_device_that_starts_is_waited_for() -> None:
+    async def test(at: Held) -> None:
+        at.device.filters["LFPparticle"] = (0, 500)
+        at.device.restart(3.0)
+        error = await at.hold(5.0)
+        assert isinstance(error, NotReady)
+        assert "is not ready yet (state 1: initialises): answers sAN LMCstopmeas 1 to sMN LMCstopmeas" in error.problem
+        await asyncio.sleep(3.0)
+        assert await at.hold(12.0) is None
+        assert at.scans
+
+    held(test, SLOWER)
+
+
+@pytest.mark.parametrize(
+    ("answers", "words"),
+    [
+        ({"LMCstopmeas": "sAN LMCstopmeas 1"}, "is not ready yet: answers sAN LMCstopmeas 1"),
+        ({"STlms": "sRA STlms 1 0", "LMPscancfg": "sFA 3"}, "is not ready yet (state 1: initialises)"),
+        ({"LMDscandatacfg": "sFA 4"}, "is not ready yet: refuses sWN LMDscandatacfg 01 00 0 1"),
+        ({"mLMPsetscancfg": "sFA D"}, "busy (sFA D)"),
+        ({"FREchoFilter": "sFA 4"}, "is not ready yet: refuses sRN FREchoFilter: not now (sFA 4)"),
+        ({"STlms": "sRA STlms 5 0", "SetAccessMode": "sAN SetAccessMode 0"}, "is not ready yet (state 5: prepares)"),
+    ],
+)
+def test_what_it_does_not_do_yet_is_no_refused_configuration(
+    answers: dict[str, str], words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _answering(monkeypatch, answers)
+
+    async def test(at: Held) -> None:
+        error = await at.hold(5.0)
+        assert isinstance(error, NotReady)
+        assert words in error.problem
+
+    held(test, SLOWER)
+
+
+def test_only_what_differs_is_set(asked: list[str]) -> None:
+    async def test(at: Held) -> None:
+        assert await at.hold(0.5) is None
+        assert at.given[0] < 0.1, "it is not stopped"
+        assert not {"LMCstopmeas", "mLMPsetscancfg", "LMCstartmeas"} & set(asked)
+        other = await at.device.dial("scanner", 2111)
+        for request in (LOGIN, "sWN LMPoutputRange 1 +5000 +0 +10000", "sMN LMCstopmeas"):
+            other.write(framed(request))
+            await other.read()
+        assert await at.hold(1.0) is None
+        assert len(at.scans[-1].millimetres) == 541
+        assert "mLMPsetscancfg" not in asked
+
+    held(test)
+
+
+@pytest.mark.parametrize("answer", [None, "sAN nothing"])
+def test_a_device_that_is_deaf_while_its_motor_changes_its_speed(
+    answer: str | None, asked: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if answer is not None:
+        _answering(monkeypatch, {"mLMPsetscancfg": answer})
+
+    async def test(at: Held) -> None:
+        at.device.spin_up, at.device.answers_always = 30.0, False
+        assert await at.hold(40.0) is None
+        assert 30.0 < at.given[0] < 33.0
+        assert asked.count("mLMPsetscancfg") == 1
+
+    held(test, SLOWER)
+
+
+class Told:
+    """A connection over which something else comes than answers, in pieces of a byte."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data = list(data)
+
+    async def read(self) -> bytes:
+        if not self._data:
+            await asyncio.sleep(1e6)
+        return bytes([self._data.pop(0)])
+
+    def write(self, data: bytes) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.mark.parametrize(
+    ("data", "kind", "words"),
+    [
+        (b"", DeviceTimeout, "it takes connections but does not answer in CoLa A: wait until it has started, or set "),
+        (b"\x02\x02\x02\x02\0\0\0\x05sFA\0\x0c#", WrongDevice, "it answers in CoLa B: set CoLa ASCII in SOPAS"),
+    ],
+)
+def test_a_device_that_does_not_speak_cola_a(data: bytes, kind: type[DeviceError], words: str) -> None:
+    async def test(at: Held) -> None:
+        async def dial(host: str, port: int) -> Told:
+            return Told(data)
+
+        at.session._dial = dial
+        error = await at.hold(5.0)
+        assert isinstance(error, kind)
+        assert words in error.problem
+
+    held(test)
+
+
+def test_filters_that_hide_what_is_near_are_switched_off() -> None:
+    async def test(at: Held) -> None:
+        at.device.filters |= {"FREchoFilter": (2,), "LFPmeanfilter": (1, 10, 0), "LFPparticle": (1, 500)}
+        assert await at.hold(1.0) is None
+        assert at.device.filters == {"FREchoFilter": (0,), "LFPmeanfilter": (0, 2, 0), "LFPparticle": (0, 500)}
+        assert at.scans
+
+    held(test)
+
+
+def test_a_device_that_does_not_say_what_it_sends_is_told(asked: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    right = Lms100._read
+    monkeypatch.setattr(Lms100, "_read", lambda self, name: "sFA 3" if name == "LMPoutputRange" else right(self, name))
+
+    async def test(at: Held) -> None:
+        assert await at.hold(1.0) is None
+        assert asked.count("LMPoutputRange") == 2
+
+    held(test)
+
+
+def test_a_device_that_sends_all_echoes_stays_so(asked: list[str]) -> None:
+    async def test(at: Held) -> None:
+        at.device.filters["FREchoFilter"] = (1,)
+        assert await at.hold(1.0) is None
+        assert at.device.filters["FREchoFilter"] == (1,)
+        assert "LMCstopmeas" not in asked
+
+    held(test)
+
+
+@pytest.mark.parametrize(("code", "reason"), [("sFA A", "the variable cannot be written"), ("sWA LFPmeanfilter", "")])
+def test_a_filter_that_stays_on_is_refused(code: str, reason: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    right = Lms100._write
+    monkeypatch.setattr(
+        Lms100, "_write", lambda self, name, rest: code if name == "LFPmeanfilter" else right(self, name, rest)
+    )
+
+    async def test(at: Held) -> None:
+        at.device.filters["LFPmeanfilter"] = (1, 10, 0)
+        error = await at.hold(5.0)
+        assert isinstance(error, WrongDevice)
+        assert "means its scans (LFPmeanfilter 1), which has to be switched off in SOPAS" in error.problem
+        assert reason in error.problem
+
+    held(test)
+
+
+@pytest.mark.parametrize("code", ["sFA 2", "sFA 3", "sFA C", "sRA another"])
+def test_a_device_without_filters_measures(code: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    _answering(monkeypatch, {"FREchoFilter": code, "LFPmeanfilter": code, "LFPparticle": code})
+
+    async def test(at: Held) -> None:
+        assert await at.hold(5.0) is None
+        assert at.scans
 
     held(test)
 
@@ -235,6 +432,20 @@ def test_close_is_harmless() -> None:
         at.session.close()
 
     held(test)
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names of all that the device is asked for."""
+    names: list[str] = []
+    right = Lms100.answer
+
+    def answer(self: Lms100, telegram: bytes, line: ClientLine) -> str:
+        names.append(telegram.split()[1].decode())
+        return right(self, telegram, line)
+
+    monkeypatch.setattr(Lms100, "answer", answer)
+    return names
 
 
 def _answering(monkeypatch: pytest.MonkeyPatch, answers: dict[str, str]) -> None:

@@ -109,6 +109,12 @@ def test_pairs_of_frequency_and_resolution(pair: str, code: int) -> None:
         ("sMN Dance", "sFA 2"),
         ("sRN DeviceMood", "sFA 3"),
         ("sRN", "sFA 3"),
+        ("sRN LMPoutputRange", "sRA LMPoutputRange 1 1388 FFF92230 225510"),
+        ("sRN FREchoFilter", "sRA FREchoFilter 0"),
+        ("sRN LFPmeanfilter", "sRA LFPmeanfilter 0 2 0"),
+        ("sRN LFPparticle", "sFA 3"),
+        ("sWN LFPmeanfilter 1 +10 0", "sFA A"),
+        ("sWN LFPparticle 0 +500", "sFA 3"),
         ("", "sFA 5"),
         ("sEN LMDscandata", "sFA 5"),
         ("sEN LMDscandata ?", "sFA 5"),
@@ -129,6 +135,8 @@ def test_what_it_refuses(request_: str, answer: str) -> None:
         ("sWN LMPoutputRange 1 +5000 +10 +5", "sFA 5"),
         ("sWN LMPoutputRange", "sFA 5"),
         ("sMN LMCstandby", "sAN LMCstandby 0"),
+        ("sWN LFPmeanfilter 1 +10 0", "sWA LFPmeanfilter"),
+        ("sWN LFPmeanfilter 1", "sFA 5"),
     ],
 )
 def test_what_it_refuses_who_is_logged_in(request_: str, answer: str) -> None:
@@ -136,6 +144,26 @@ def test_what_it_refuses_who_is_logged_in(request_: str, answer: str) -> None:
         client = await connected()
         await client.ask(LOGIN)
         assert await client.ask(request_) == answer
+
+    clock.run(main(), simulated=True)
+
+
+def test_one_that_starts_takes_connections_and_does_nothing_yet() -> None:
+    async def main() -> None:
+        client = await connected()
+        client.device.restart(2.0)
+        client = Client(client.device, await client.device.dial("", 0))
+        for request, answer in (
+            ("sRN STlms", "sRA STlms 1 0 8 00:00:00 8 01.01.00 0 0 0"),
+            (LOGIN, "sAN SetAccessMode 1"),
+            ("sMN LMCstopmeas", "sAN LMCstopmeas 1"),
+            ("sMN LMCstartmeas", "sFA 4"),
+            ("sWN FREchoFilter 0", "sFA 4"),
+        ):
+            assert await client.ask(request) == answer
+        await asyncio.sleep(2.5)
+        assert (await client.ask("sRN STlms")).split()[2] == "7"
+        assert await client.ask("sMN LMCstopmeas") == "sAN LMCstopmeas 0"
 
     clock.run(main(), simulated=True)
 

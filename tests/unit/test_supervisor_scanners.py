@@ -133,7 +133,7 @@ def test_a_scan_that_got_lost_makes_no_slower_scanner(watch: Looked) -> None:
 
 def test_a_scanner_has_time_to_begin() -> None:
     watch = Looked()
-    assert watch.after("LAS-01", lambda number, scan: None, S2, 60.0) == pytest.approx(BEGIN_TIME, abs=PERIOD)
+    assert watch.after("LAS-01", lambda number, scan: None, S2, 90.0) == pytest.approx(BEGIN_TIME, abs=PERIOD)
     assert "no scan yet" in watch.verdict.faults[0].text
 
 

@@ -17,6 +17,8 @@ from msgspec import Struct
 from artemis.errors import ProtocolError
 
 START, END = b"\x02", b"\x03"
+BINARY = 4 * START
+"""A telegram of CoLa B begins so."""
 LONGEST = 1 << 16
 """No telegram of such a scanner has more bytes: four channels of 1081 values with four digits and a space are 22 kB."""
 MOST_VALUES = 2161
@@ -43,6 +45,12 @@ class TelegramReader:
         self._waiting = bytearray()
         self.dropped = 0
         """Runs of bytes so far that were no telegram."""
+        self._begin = b""
+
+    @property
+    def is_binary(self) -> bool:
+        """The stream began as one of CoLa B does, with four start marks and the length of the first telegram."""
+        return self._begin == BINARY
 
     @property
     def waiting(self) -> int:
@@ -53,6 +61,8 @@ class TelegramReader:
         """The telegrams that are complete now, without their marks, oldest first."""
         waiting, found = self._waiting, []
         searched = max(0, len(waiting) - 1)
+        if len(self._begin) < len(BINARY):
+            self._begin += data[: len(BINARY) - len(self._begin)]
         waiting += data
         while (end := waiting.find(END, searched)) >= 0:
             start = waiting.rfind(START, 0, end)  # one that began before another one began has lost its end
