@@ -49,7 +49,7 @@ class Core:
         mode, wish = self._modes.mode, self._modes.step(seen)
         if wish.reset_pose:
             self._perception.reset()
-        self._wish, self._points = wish, self._limit(wish, seen)
+        self._wish, self._points, self._supervisor.odometry = wish, self._limit(wish, seen), seen.odometry
         at, told, points, failed = self._shared.position, self._modes.events, self._points, self._modes.failed
         return Tick(
             snapshot=seen, mode=mode, cause=why, position=at, events=told, wish=wish, failed=failed, set_points=points

@@ -18,7 +18,7 @@ from artemis.supervision.poses import PoseMeasures
 from artemis.supervision.scanners import ScannerMeasures
 from artemis.supervision.supply import SupplyMeasures
 from artemis.supervision.wheels import Wheels
-from artemis.values import Action, Fault, Mode, Request, Sensed, SetPoints, Severity, Verdict, Wish
+from artemis.values import Action, Fault, Mode, Odometry, Request, Sensed, SetPoints, Severity, Verdict, Wish
 from artemis.vehicle import RobotFile
 
 STANDING = 0.01
@@ -94,6 +94,8 @@ class Supervisor:
         self._acknowledged = -inf
         self._alarm = False
         self._verdict = _SILENT
+        self.odometry = Odometry()
+        """Of the tick before: the next one is judged by it."""
 
     def judge(self, sensed: Sensed, last: Wish, mode: Mode, points: SetPoints, spare: Collection[str] = ()) -> Verdict:
         """The verdict on this tick, knowing the mode, what it wished in the last one, and what then left the gate.
@@ -140,7 +142,7 @@ class Supervisor:
         if self._supply is not None:
             readings += self._supply.read(sensed)
         if self._scanners is not None:
-            readings += self._scanners.read(sensed)
+            readings += self._scanners.read(sensed, self.odometry)
         for fault in sensed.faults:
             if fault.id == _ADAPTER_LOST:
                 return readings  # of the drives nothing can be known

@@ -18,7 +18,7 @@ Sector = Annotated[tuple[float, float], Field(strict=False)]
 
 
 _STEP = 0.01
-"""A delay grows so often [s]."""
+"""A delay and a cover grow so often [s]."""
 
 
 class OfScanner(Lasting):
@@ -55,10 +55,11 @@ class Illness(OfScanner):
 
 
 class Cover(OfScanner):
-    """What something on its window hides."""
+    """What something on its window hides, and how long it takes to slide there from the right."""
 
     sector_deg: Sector = (-135.0, 135.0)
     """In the scanner's frame."""
+    within_s: Annotated[float, Field(ge=0, le=60)] = 0.0
 
 
 class Delay(OfScanner):
@@ -135,14 +136,20 @@ def _ail(stage: Stage, node: str | None, given: Illness) -> Undo:
 
 
 def _cover(stage: Stage, node: str | None, given: Cover) -> Undo:
+    begun = stage.now
+    first, last = map(radians, given.sector_deg)
+
     def act(scanner: SimScanner) -> Undo:
-        first, last = given.sector_deg
-        scanner.laser.covered = radians(first), radians(last)
+        def slide() -> None:
+            share = (stage.now - begun) / given.within_s if given.within_s else 1.0
+            scanner.laser.covered = first, first + (last - first) * min(1.0, share)
 
         def uncover() -> None:
             scanner.laser.covered = None
 
-        return uncover
+        slide()
+        ends = stage.repeat(slide, _STEP, round(given.within_s / _STEP) + 2)
+        return together([ends, uncover])
 
     return _each(stage, given.scanner, act)
 

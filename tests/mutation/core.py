@@ -111,7 +111,8 @@ CORE: Mapping[str, tuple[str, ...]] = {
         *_ROWS,
         _ROBOTS,
     ),
-    "supervision/scanners.py": ("unit/test_supervisor_scanners.py",),
+    "supervision/scanners.py": ("unit/test_supervisor_scanners.py", "unit/test_expected_returns.py"),
+    "supervision/expected_returns.py": ("unit/test_expected_returns.py", "unit/test_supervisor_scanners.py"),
     "supervision/supervisor.py": (
         "unit/test_supervisor_times.py",
         "unit/test_supervisor.py",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from dataclasses import dataclass, field
 
+import numpy as np
 import pytest
 from injection_rig import ROBOT, Host, proves
 
@@ -129,6 +130,13 @@ async def _covered(host: Host) -> None:
     assert all((await read.over(0.1))[-1].millimetres)
     host.inject("LAS-06", duration_s=0.1)
     assert not any((await read.over(0.1))[-1].millimetres)
+    assert all((await read.over(0.1))[-1].millimetres)
+    undo = host.inject("LAS-06", sector_deg=[-45, 45], within_s=0.4)
+    half = (await read.over(0.2))[-1].millimetres
+    assert 60 < np.count_nonzero(half == 0) < 100
+    assert not half[190:250].any()
+    assert np.count_nonzero((await read.over(0.4))[-1].millimetres == 0) == 181
+    undo()
     assert all((await read.over(0.1))[-1].millimetres)
     read.end()
 

@@ -49,6 +49,17 @@ def test_robot_whose_scanner_is_covered_drives_only_once_it_is_uncovered(tmp_pat
     assert done.recompute().difference is None
 
 
+@pytest.mark.slow
+def test_cover_that_slides_over_the_window_of_a_robot_that_drives_is_not_accepted(tmp_path: Path) -> None:
+    cover = {"at_s": COVERED, "inject": "LAS-06", "within_s": 1.1}
+    done = driven(tmp_path, (12.0, "acknowledge"), (13.5, "arm"), faults=[cover], world=HALL)
+    limited = [seen.time for seen in done.seen if "LAS-06" in [it.id for it in seen.tick.snapshot.verdict.faults]]
+    assert limited[0] < COVERED + 0.6
+    assert not any(seen.tick.set_points.speed for seen in done.seen if seen.time > COVERED + 3.0)
+    assert TAKEN not in requests(done)
+    assert done.recompute().difference is None
+
+
 def test_open_ground_is_taken_as_it_is_by_somebody_who_looks(tmp_path: Path) -> None:
     """In the first second, too early: nothing stands there yet that could be acknowledged."""
     acts = [(0.4, "acknowledge"), (4.0, "acknowledge"), (5.0, "arm")]

@@ -205,11 +205,33 @@ def test_a_cover_on_the_window(watch: Looked, first: int, last: int, found: bool
         assert watch.verdict.recovers
 
 
+@pytest.mark.parametrize(("hidden", "found"), [(40, False), (41, True)])
+def test_a_cover_of_a_finer_scanner_is_as_wide(hidden: int, found: bool) -> None:
+    watch = Looked()
+
+    def fine(number: int, scan: Scan) -> Scan:
+        ranges = np.repeat(scan.millimetres, 2)[1:]
+        if number > 50:
+            ranges[400 : 400 + hidden] = 0
+        return replace(scan, ranges=ranges.tobytes(), increment=scan.increment / 2, beam_time=scan.beam_time / 2)
+
+    assert (watch.after("LAS-06", fine, L) is not None) == found
+
+
+@pytest.mark.parametrize("value", [1, 40, 497])
+def test_a_cover_that_gives_short_values(watch: Looked, value: int) -> None:
+    def short(number: int, scan: Scan) -> Scan:
+        ranges = value + scan.millimetres % 3
+        return replace(scan, ranges=ranges.astype("<u2").tobytes())
+
+    assert watch.after("LAS-06", short, L) == pytest.approx(5 * PERIOD)
+
+
 def test_what_was_far_may_vanish(watch: Looked) -> None:
     def far(number: int, scan: Scan) -> Scan:
         ranges = scan.millimetres + np.uint16(1100)
         if number > 50:
-            ranges[100:300] = 0
+            ranges[100:200] = 0
         return replace(scan, ranges=ranges.tobytes())
 
     assert watch.after("LAS-06", far, L) is None

@@ -84,7 +84,8 @@ SURROUNDINGS: dict[str, Row] = {
         "the scanner is covered or blinded",
         "look at its window; where nothing covers it, as on open ground: acknowledge",
         within=1.04,
-        of="more than 80 % of the beams lose their return, or 20 neighbours that had one nearer than 3 m",
+        of="more than 80 % of the beams lose their return, or neighbours over 10 degrees that had one nearer than 3 m, "
+        "or 60 degrees of what stood there some seconds ago",
         stages=(Threshold(LIMIT, 0.0, 0.1), Threshold(S2, 0.0, 1.0)),
         needs=Requirement.SCANNER,
     ),
