@@ -113,6 +113,10 @@ class Job(Struct, frozen=True, kw_only=True, gc=False):
     values: tuple[int, ...] = ()
 
 
+NOT_KEPT = 0
+"""In the values of a job PLAN before a present route that is to be another one although it is free: none begins so."""
+
+
 class JobResult(Struct, frozen=True, kw_only=True, gc=False):
     """How a job ended. `detail` is for people; `values` for the logic (READ_HISTORY: error codes)."""
 

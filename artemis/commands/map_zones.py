@@ -17,9 +17,9 @@ from artemis.errors import ConfigError, similar
 from artemis.mapping.occupancy import OccupancyMap
 from artemis.mission.loading import load_model
 from artemis.mission.problems import plain_words
-from artemis.mission.zones import HEAD, read_zones, with_zone, without_zone, write_zones, zone_line, zones_in
+from artemis.mission.zones import HEAD, read_zones, with_zone, without_zone, write_zones, zones_in
 from artemis.route_planning.floor import outside
-from artemis.route_planning.zones import MapZone, MapZones, zones_file
+from artemis.route_planning.zones import MapZone, MapZones, zone_line, zones_file
 from artemis.yaml_edit import with_line, without_line
 
 Model = TypeVar("Model", bound=Config)

@@ -61,7 +61,6 @@ class GotoChecks(MissionReading):
             self._complain((*at, "to"), f"{goto.place}: {problem}")
             return
         self._destinations[number] = Destination(
-            floor=found[0],
             made_of=found[2],
             goal=pose,
             speed=goto.speed_m_s,
@@ -107,7 +106,7 @@ class GotoChecks(MissionReading):
 
     def _read_floor(self, at: KeyPath, name: str) -> tuple[Floor, MapZones, ZonedMap] | None:
         from artemis.mapping.map_file import map_from
-        from artemis.route_planning.floor import ZonedMap, floor_from, outside
+        from artemis.route_planning.floor import ZonedMap, floor_from, outside, packed_map
         from artemis.route_planning.zones import MapZones, zones_file
 
         def image(image: str) -> bytes:
@@ -137,4 +136,4 @@ class GotoChecks(MissionReading):
             self._complain(at, f"{name}: {error}")
             return None
         self._remarks += [f"{beside}: {remark}" for remark in outside(content, zones)]
-        return floor, zones, ZonedMap(content, self._folder / beside, found or b"")
+        return floor, zones, ZonedMap(packed_map(content), self._folder / beside, found or b"")

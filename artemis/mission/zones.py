@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
 from pathlib import Path
 
 from artemis.errors import ConfigError, similar
-from artemis.mapping.occupancy import OccupancyMap
 from artemis.mission.loading import model_of
 from artemis.recording.disk import write_whole
-from artemis.route_planning.floor import Floor, floor_from
-from artemis.route_planning.zones import MapZone, MapZones
+from artemis.route_planning.zones import MapZone, MapZones, zone_line
 from artemis.yaml_edit import is_blank, replace_content, with_line, without_line
 from artemis.yaml_file import read
 
@@ -40,14 +36,6 @@ def without_zone(raw: bytes, source: str, name: str | int) -> bytes:
     return without_line(raw, source, "zones", found[0])
 
 
-def zone_line(zone: MapZone, corners: Sequence[Sequence[float]]) -> str:
-    """A zone on one line."""
-    name = f"name: {json.dumps(zone.name, ensure_ascii=False)}, " if zone.name is not None else ""
-    speed = f", speed_m_s: {zone.speed_m_s:g}" if zone.speed_m_s is not None else ""
-    points = ", ".join(f"[{x:g}, {y:g}]" for x, y in corners)
-    return f"{{{name}kind: {zone.kind}{speed}, corners: [{points}]}}"
-
-
 def read_zones(beside: Path) -> bytes:
     """The content of the file; of one that is not there a line that says what it is. Raises ConfigError."""
     return read(beside) if beside.exists() else HEAD
@@ -58,11 +46,3 @@ def write_zones(beside: Path, content: bytes) -> None:
     if not beside.exists():
         write_whole(beside, HEAD.decode())
     replace_content(beside, content)
-
-
-def zoned_floor(content: OccupancyMap, beside: Path, raw: bytes) -> Floor | str:
-    """The floor of a map with the zones of `raw`, the content of the file `beside`; or what is wrong in that."""
-    try:
-        return floor_from(content, zones_in(raw, str(beside)).zones)
-    except ConfigError as error:
-        return "; ".join(error.problems)

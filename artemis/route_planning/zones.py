@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
 from itertools import combinations
 from math import fsum
 from pathlib import PurePath
@@ -84,6 +86,14 @@ class MapZones(Config):
         if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
             raise ValueError(f"two zones are called {twice[0]!r}")
         return self
+
+
+def zone_line(zone: MapZone, corners: Sequence[Sequence[float]]) -> str:
+    """A zone on one line."""
+    name = f"name: {json.dumps(zone.name, ensure_ascii=False)}, " if zone.name is not None else ""
+    speed = f", speed_m_s: {zone.speed_m_s:g}" if zone.speed_m_s is not None else ""
+    points = ", ".join(f"[{x:g}, {y:g}]" for x, y in corners)
+    return f"{{{name}kind: {zone.kind}{speed}, corners: [{points}]}}"
 
 
 def zones_file(map_file: str) -> str:

@@ -214,6 +214,50 @@ def test_a_route_that_is_free_again_is_kept_and_one_that_is_not_is_planned_anew(
     assert beside.values != present  # somebody has moved the robot
 
 
+def around(x0: float, x1: float, **keys: object) -> MapZone:
+    """A zone across the whole room."""
+    corners = ((x0, 0.0), (x1, 0.0), (x1, 3.0), (x0, 3.0))
+    return MapZone.model_validate({"kind": "keep-out", "corners": corners, **keys})
+
+
+def blocked(on: Floor, present: tuple[int, ...], **keys: object) -> PlannedRoute:
+    """Where something stands all across the way of a robot that is under way; before: the floor without zones."""
+    seen = tuple(seen_at(1.5, 0.5 * number, 120) for number in range(6))
+    return planned(on, start=Pose(x=1.0, y=1.0), present=present, placed_scans=seen, **keys)
+
+
+def test_where_something_stands_in_the_only_way_the_present_route_is_given_back() -> None:
+    walled = floor((0.05, 1.6, 5.0, 2.9))
+    present = planned(walled).values
+    for keep in (True, False):
+        found = blocked(walled, present, keep=keep)
+        assert (found.values, found.only_present) == (present, True)
+        assert found.detail
+
+
+def test_a_zone_that_is_new_on_the_only_way_takes_the_present_route() -> None:
+    boxes = (0.05, 1.6, 5.0, 2.9)
+    walled, shut = floor(boxes), floor(boxes, zones=(around(3.0, 3.2),))
+    present = planned(walled).values
+    for keep in (True, False):
+        found = blocked(shut, present, before=walled, keep=keep)
+        assert (found.values, found.only_present) == ((), False)
+        assert found.detail.endswith("a zone that is new is in the way of the present one")
+    beside = floor(boxes, zones=(around(4.95, 5.0),))
+    assert blocked(beside, present, before=walled).values == present, "it touches nothing that is new"
+    slow = floor(boxes, zones=(around(3.0, 3.2, kind="slow", speed_m_s=0.1),))
+    assert blocked(slow, present, before=walled).values == ()
+    assert blocked(slow, present, before=slow).values == present
+
+
+def test_a_route_that_is_free_but_too_fast_for_a_new_zone_is_planned_anew() -> None:
+    on, slow = floor(), floor(zones=(around(2.0, 3.0, kind="slow", speed_m_s=0.1),))
+    present, under_way = planned(on).values, Pose(x=1.0, y=1.0)
+    assert planned(slow, start=under_way, present=present, before=on).values not in ((), present)
+    fast = floor(zones=(around(2.0, 3.0, kind="slow", speed_m_s=0.8),))
+    assert planned(fast, start=under_way, present=present, before=on).values == present
+
+
 def test_goals_are_refused_in_walls_and_outside() -> None:
     assert goal_problem(floor(), ROBOT, GOAL, 0.05) is None
     assert "cannot stand there" in str(goal_problem(floor(), ROBOT, Pose(x=4.6, y=1.0), 0.05))
