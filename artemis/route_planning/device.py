@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
-from math import hypot
+from math import hypot, inf
 
 import numpy as np
 
@@ -55,6 +55,8 @@ class RoutePlanner:
         """The same when the newest route was planned."""
         self._pose = Pose()
         self._placed_scans: deque[PlacedScan] = deque()
+        self._looked: dict[str, float] = {}
+        """When a scan of each scanner was kept last [s of the run]."""
         self._driven: deque[Pose] = deque(maxlen=DRIVEN)
         self._worker, self._virtual = Worker(virtual=virtual), virtual
 
@@ -81,11 +83,13 @@ class RoutePlanner:
         self._look(snapshot)
 
     def _look(self, snapshot: Snapshot) -> None:
-        """Keep a scan now and then."""
-        scans, now = snapshot.sensed.scans, snapshot.time
-        if scans and (not self._placed_scans or now - self._placed_scans[-1].time >= EVERY):
-            newest = {scan.source: scan for scan in scans}.values()
-            self._placed_scans += [placed_scan(snapshot, scan, self._robot.geometry.wheelbase_m) for scan in newest]
+        """Keep a scan of each scanner now and then."""
+        now = snapshot.time
+        for source, scan in {scan.source: scan for scan in snapshot.sensed.scans}.items():
+            if now - self._looked.get(source, -inf) < EVERY:
+                continue
+            self._looked[source] = now
+            self._placed_scans.append(placed_scan(snapshot, scan, self._robot.geometry.wheelbase_m))
             while now - self._placed_scans[0].time > KEPT:
                 self._placed_scans.popleft()
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from core_builders import snapshot
 from msgspec.structs import replace
 
 from artemis.clock import SimulatedLoop
@@ -20,7 +21,8 @@ from artemis.motion.planned_route import PLANNER
 from artemis.route_planning.device import AGAIN, RoutePlanner
 from artemis.route_planning.floor import CELL, Destination, ZonedMap, packed_map
 from artemis.route_planning.zones import MapZones
-from artemis.values import Job, JobKind, JobResult, Pose
+from artemis.scan import Scan
+from artemis.values import Job, JobKind, JobResult, Mode, Pose, SetPoints, Tick, Wish
 from artemis.vehicle import RobotFile
 
 ROBOT = load_model(Path(__file__).parents[2] / "missions" / "robots" / "artemis_lms100.yaml", RobotFile)
@@ -144,3 +146,19 @@ def test_a_wrong_file_is_told_with_all_that_is_wrong(tmp_path: Path) -> None:
     with pytest.raises(ConfigError) as raised:
         zones_in(b"zones: 3\n", str(beside))
     assert planned(planner(beside, ZONES))[0].detail == "; ".join(raised.value.problems)
+
+
+@pytest.mark.parametrize("late", [0, 1, 2])
+def test_of_each_scanner_a_scan_is_kept_twice_a_second(tmp_path: Path, late: int) -> None:
+    by = planner(tmp_path / "hall.zones.yaml", b"")
+    for number in range(50 * 3):
+        names = [name for name, first in (("front", 0), ("rear", late)) if number % 5 == first]
+        scans = tuple(
+            Scan(source=name, time=0.02 * number, start_angle=0.0, increment=0.1, ranges=bytes(20)) for name in names
+        )
+        seen = snapshot(0.02 * number, scans=scans)
+        by.write(Tick(snapshot=seen, mode=Mode.READY, wish=Wish(), set_points=SetPoints()))
+    kept = [each.scan.source for each in by._placed_scans]
+    assert (kept.count("front"), kept.count("rear")) == (6, 6)
+    times = [each.time for each in by._placed_scans]
+    assert times == sorted(times)
