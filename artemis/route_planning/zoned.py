@@ -10,7 +10,7 @@ from pathlib import Path
 from artemis.errors import ConfigError
 from artemis.route_planning.floor import Floor, PackedMap, floor_from
 from artemis.route_planning.planner import PlannedRoute, RouteRequest, plan_route
-from artemis.route_planning.zones import MapZones, zone_line
+from artemis.route_planning.zones import MapZones, zone_changes
 
 ZonesIn = Callable[[bytes, str], MapZones]
 """From the content of a file of zones, and its name, to what it holds; raises ConfigError."""
@@ -80,15 +80,8 @@ def _zones_now(order: PlanOrder) -> tuple[bytes, str]:
     if raw == order.known:
         return raw, ""
     zones, known = order.zones_in(raw, str(beside)), order.zones_in(order.known, str(beside))
-    if known.zones and "zones" not in zones.model_fields_set:  # an empty file, or a part of one, is no decision
+    if known.zones and not zones.says_zones:  # an empty file, or a part of one, is no decision
         lost = "has no zones any more" if is_there else "is not there any more"
         advice = "bring them back, or write `zones: []` if there are to be none"
         raise ConfigError(f"{beside}: {lost}, and had {len(known.zones)} when it was read last; {advice}")
-    return raw, _changes(known, zones)
-
-
-def _changes(before: MapZones, now: MapZones) -> str:
-    """Which zones are new, and which are no more; empty: neither."""
-    new = [f"new {zone_line(zone, zone.corners)}" for zone in now.zones if zone not in before.zones]
-    gone = [f"no more {zone_line(zone, zone.corners)}" for zone in before.zones if zone not in now.zones]
-    return f"zones changed: {', '.join([*new, *gone])}" if new or gone else ""
+    return raw, zone_changes(known, zones)

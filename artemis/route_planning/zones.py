@@ -80,6 +80,11 @@ class MapZones(Config):
     places: dict[Annotated[str, Field(pattern="^[a-z0-9-]{1,64}$")], MapPose] = Field(default_factory=dict)
     """By name: small letters, digits and hyphens."""
 
+    @property
+    def says_zones(self) -> bool:
+        """Whether the file has the key `zones`, if only to say that there are none."""
+        return "zones" in self.model_fields_set
+
     @model_validator(mode="after")
     def _names(self) -> Self:
         names = [zone.name for zone in self.zones if zone.name is not None]
@@ -94,6 +99,13 @@ def zone_line(zone: MapZone, corners: Sequence[Sequence[float]]) -> str:
     speed = f", speed_m_s: {zone.speed_m_s:g}" if zone.speed_m_s is not None else ""
     points = ", ".join(f"[{x:g}, {y:g}]" for x, y in corners)
     return f"{{{name}kind: {zone.kind}{speed}, corners: [{points}]}}"
+
+
+def zone_changes(before: MapZones, now: MapZones) -> str:
+    """Which zones are new, and which are no more, in words; empty: neither."""
+    new = [f"new {zone_line(zone, zone.corners)}" for zone in now.zones if zone not in before.zones]
+    gone = [f"no more {zone_line(zone, zone.corners)}" for zone in before.zones if zone not in now.zones]
+    return f"zones changed: {', '.join([*new, *gone])}" if new or gone else ""
 
 
 def zones_file(map_file: str) -> str:

@@ -13,6 +13,7 @@ import resuming
 from mcap.reader import make_reader
 from rig import CALIBRATE, MISSIONS, Rig, Seen, run, write_mission
 
+from artemis.app import resumption_from
 from artemis.errors import ConfigError
 from artemis.mapping.map_file import map_files, write_bytes
 from artemis.mapping.occupancy import OccupancyMap
@@ -193,7 +194,10 @@ def test_a_zone_that_is_drawn_where_the_robot_is_to_go_ends_the_step_with_the_re
     assert any(tick.wish.phase.startswith("no route to gate: ") for tick in seen.ticks)
     assert seen.outcome is not None
     found = read_series(Recording(seen.outcome.run.path)).mission.failure
-    assert "ended with no-path (no route to gate: no path leads there, however the robot turns; zones changed: new {" in found
+    assert (
+        "ended with no-path (no route to gate: no path leads there, however the robot turns; zones changed: new {"
+        in found
+    )
 
 
 def test_drives_to_a_place_and_replays_bit_for_bit(tmp_path: Path) -> None:
@@ -226,6 +230,28 @@ def test_a_goto_that_was_interrupted_is_planned_anew_from_where_it_stands(tmp_pa
     start = route_poses(results[0].values)[0]
     assert 0.7 < start.x - 0.8 < 1.3
     assert abs(start.y - 0.8) < 0.05
+
+
+def test_a_run_is_resumed_with_the_zones_of_now_unless_its_goal_has_moved(tmp_path: Path) -> None:
+    path, beside = mission(tmp_path), tmp_path / "floor.zones.yaml"
+    run = resuming.run(path, until=lambda tick: tick.mode is Mode.FOLLOW).folder
+
+    def notes() -> list[str]:
+        return resumption_from(load_mission(path), path, run)[1]
+
+    assert notes() == []
+    wet = '{name: "wet", kind: keep-out, corners: [[1, 2], [2, 2], [2, 2.2]]}'
+    beside.write_text(ZONES.replace("zones: [", f"zones: [{wet}, "))
+    assert notes() == [f"floor.zones.yaml: zones changed: new {wet}"]
+    for changed, why in (
+        (ZONES.replace("x_m: 2.5", "x_m: 2.4"), "the place gate is not where it was"),
+        (ZONES[ZONES.index("places:") :], "has no zones any more, and had 1"),
+    ):
+        beside.write_text(changed)
+        with pytest.raises(ConfigError, match=why):
+            notes()
+    beside.write_text(ZONES.replace("x_m: 3.2", "x_m: 3.3"))
+    assert notes() == [], "no step leads to the crane"
 
 
 @pytest.mark.exhaustive
