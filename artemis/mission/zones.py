@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from artemis.errors import ConfigError, similar
@@ -26,14 +27,32 @@ def with_zone(raw: bytes, source: str, zone: MapZone) -> bytes:
     return with_line(raw, source, "zones", f"- {zone_line(zone, zone.corners)}")
 
 
-def without_zone(raw: bytes, source: str, name: str | int) -> bytes:
-    """The content without a zone, by its name or its number from 1. Raises ConfigError: there is none."""
+def without_zones(raw: bytes, source: str, which: Sequence[str | int]) -> bytes:
+    """The content without some zones, each by its name or its number from 1 in this content; an int is a number.
+
+    Raises:
+        ConfigError: there is no such zone, or the name of one is the number of another.
+    """
     zones = zones_in(raw, source).zones
-    found = [n for n, zone in enumerate(zones) if name == n + 1 or name in (zone.name, str(n + 1))]
-    if not found:
-        known = [zone.name or str(number) for number, zone in enumerate(zones, 1)]
-        raise ConfigError(f"{source}: no zone {name!r}; {similar(str(name), known) or 'there are none'}")
-    return without_line(raw, source, "zones", found[0])
+    found = {_number_of(each, zones, source) for each in which}
+    for number in sorted(found, reverse=True):
+        raw = without_line(raw, source, "zones", number)
+    return raw
+
+
+def _number_of(which: str | int, zones: Sequence[MapZone], source: str) -> int:
+    """From 0."""
+    named = [n for n, zone in enumerate(zones) if zone.name == which]
+    numbered = [n for n in range(len(zones)) if which in (n + 1, str(n + 1))]
+    if named and numbered and named != numbered:
+        raise ConfigError(
+            f"{source}: {which} is the name of zone {named[0] + 1}, and the number of another; give the number of the "
+            "first, or remove the second by hand"
+        )
+    if found := named or numbered:
+        return found[0]
+    known = [zone.name or str(number) for number, zone in enumerate(zones, 1)]
+    raise ConfigError(f"{source}: no zone {which!r}; {similar(str(which), known) or 'there are none'}")
 
 
 def read_zones(beside: Path) -> bytes:

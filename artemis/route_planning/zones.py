@@ -97,8 +97,13 @@ def zone_line(zone: MapZone, corners: Sequence[Sequence[float]]) -> str:
     """A zone on one line."""
     name = f"name: {json.dumps(zone.name, ensure_ascii=False)}, " if zone.name is not None else ""
     speed = f", speed_m_s: {zone.speed_m_s:g}" if zone.speed_m_s is not None else ""
-    points = ", ".join(f"[{x:g}, {y:g}]" for x, y in corners)
+    points = ", ".join(f"[{in_digits(x)}, {in_digits(y)}]" for x, y in corners)
     return f"{{{name}kind: {zone.kind}{speed}, corners: [{points}]}}"
+
+
+def in_digits(value: float) -> str:
+    """A coordinate [m], or an angle [degrees], to four decimals, however large it is."""
+    return f"{round(value, 4) + 0.0:.12g}"
 
 
 def zone_changes(before: MapZones, now: MapZones) -> str:

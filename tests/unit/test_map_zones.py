@@ -12,6 +12,7 @@ from map_command import call, refused
 from artemis.commands.map_zones import ZoneEdits, edited_zones, zones_of
 from artemis.errors import ConfigError
 from artemis.mapping.occupancy import OccupancyMap
+from artemis.mission.zones import without_zones
 from artemis.route_planning.floor import floor_from
 from artemis.route_planning.zones import MapZone
 from artemis.yaml_edit import with_line, without_line
@@ -39,6 +40,34 @@ def test_zones_and_places_are_added_and_removed_in_place(workshop: Path) -> None
     assert "place       desk: x 2 m, y 2 m, 90 degrees" in told
     text = workshop.with_name("workshop.zones.yaml").read_text()
     assert text.startswith("# Zones and places of the workshop, in the frame of its map.\nzones:\n")
+
+
+def test_zones_are_removed_by_their_numbers_in_the_file_as_it_is(workshop: Path) -> None:
+    call("edit", workshop, "--remove-zone", "1", "--remove-zone", "2", "--remove-zone", "doors")
+    assert [zone.name for zone in zones_of(workshop).zones] == ["lane"]
+
+
+def test_a_name_that_is_the_number_of_another_zone_is_refused(workshop: Path) -> None:
+    beside = workshop.with_name("workshop.zones.yaml")
+    beside.write_text(beside.read_text().replace("name: lane", "name: '2'"))
+    assert "2 is the name of zone 3, and the number of another" in refused("edit", workshop, "--remove-zone", "2")
+    call("edit", workshop, "--remove-zone", "3")
+    assert [zone.name for zone in zones_of(workshop).zones] == ["under-the-crane", "doors"]
+    assert without_zones(b"zones:\n  - {name: '1', kind: prefer, corners: [[0, 0], [1, 0], [1, 1]]}\n", "h", ["1", 1])
+
+
+def test_surveyed_coordinates_are_kept_to_a_tenth_of_a_millimetre(workshop: Path, tmp_path: Path) -> None:
+    corners = "564321.1234,934567.25,564331.5,934567.25,564331.5,934577.8765"
+    told = call("edit", workshop, "--zone", f"k=keep-out:{corners}", "--place", "desk=564321.12345,934567.25,0.1234")
+    assert "564321.1234 934567.25, 564331.5 934567.25, 564331.5 934577.8765" in told
+    known = zones_of(workshop)
+    assert known.zones[-1].corners[0] == (564321.1234, 934567.25)
+    assert (known.places["desk"].x_m, known.places["desk"].heading_deg) == (564321.1234, 0.1234)
+    assert "desk: x 564321.1234 m, y 934567.25 m" in told
+    call("edit", workshop, "-o", tmp_path / "turned.yaml", "--rotate", "180")
+    turned = zones_of(tmp_path / "turned.yaml")
+    assert turned.zones[-1].corners[0] == (-564321.1234, -934567.25)
+    assert turned.places["desk"].x_m == -564321.1234
 
 
 def test_a_file_is_begun_and_emptied(workshop: Path) -> None:
