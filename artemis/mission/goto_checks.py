@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from artemis.bridges.poses import GOAL_POSE
 from artemis.errors import ConfigError
 from artemis.mission.files import read_data
-from artemis.mission.goto import BEYOND, AskedGoal, Goto, goto_rules, known_behind
+from artemis.mission.goto import AskedGoal, Goto, goto_rules, known_behind, route_margin
 from artemis.mission.obstacles import Obstacles
 from artemis.mission.problems import nearest
 from artemis.mission.reading import Configs, MissionReading
@@ -52,10 +52,10 @@ class GotoChecks(MissionReading):
         pose = None if goto.asks else found and self._goal(at, goto, found[1])
         if found is None or (pose is None and not goto.asks) or robot is None or robot.outline is None:
             return
-        from artemis.route_planning.floor import MARGIN, Destination, goal_problem
+        from artemis.route_planning.floor import Destination, goal_problem
 
         rules = goto_rules(goto, self._part(Obstacles, "obstacles") if "obstacles" in self._data else None, robot)
-        margin = max(MARGIN, 0.0 if rules is None or rules.mode == "off" else rules.margin + BEYOND)
+        margin = route_margin(rules)
         problem = None if pose is None else goal_problem(found[0], robot, pose, margin)
         if problem is not None:
             self._complain((*at, "to"), f"{goto.place}: {problem}")

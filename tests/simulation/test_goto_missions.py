@@ -172,7 +172,10 @@ def test_zones_that_are_gone_stop_the_robot_until_they_are_back(tmp_path: Path) 
     def stopped(seen: Seen) -> bool:
         return seen.mode is Mode.QUICKSTOP
 
-    rig.when(stopped, lambda: beside.write_text(ZONES) and None, after=1.0, name="bring back")
+    def bring_back() -> None:
+        beside.write_text(ZONES)
+
+    rig.when(stopped, bring_back, after=1.0, name="bring back")
     rig.when(stopped, rig.request(Request.ACKNOWLEDGE), after=2.0, name="acknowledge")
     rig.when(stopped, rig.request(Request.ARM), after=3.0, name="arm")
     seen = rig.run()

@@ -12,11 +12,24 @@ from map_command import call, refused
 from artemis.commands.map_zones import ZoneEdits, edited_zones, zones_of
 from artemis.errors import ConfigError
 from artemis.mapping.occupancy import OccupancyMap
+from artemis.mission.loading import load_mission
 from artemis.mission.zones import without_zones
+from artemis.route_planning import planner
 from artemis.route_planning.floor import floor_from
+from artemis.route_planning.planner import PlannedRoute, RouteRequest, plan_route
 from artemis.route_planning.zones import MapZone
 from artemis.yaml_edit import with_line, without_line
 
+MISSION = """
+mission: defaults
+robot: robots/ROBOT
+bus: simulation
+steps:
+  - calibrate: {steering: from_potentiometers}
+  - goto: {map: workshop.yaml, to: store}
+simulation:
+  localizer: {plugin: simulated_tracker}
+"""
 MISSIONS = Path(__file__).parents[2] / "missions"
 ROBOT = MISSIONS / "robots" / "artemis_lms100.yaml"
 
@@ -181,9 +194,35 @@ def test_lines_come_and_go_and_leave_the_others_as_they_were() -> None:
 def test_a_route_is_planned_told_and_drawn(workshop: Path, tmp_path: Path) -> None:
     figure = tmp_path / "route.png"
     told = call("show", workshop, "--from", "1,1.5,0", "--to", "store", "--robot", ROBOT, "-o", figure)
-    assert "route       7.0 m, 0 reversals" in told
+    assert "route       7.0 m, 0 reversals, 10 cm around the outline" in told
     assert "zone        2 doors: slow 0.25 m/s" in told
     assert figure.stat().st_size > 10_000
+
+
+def test_a_route_is_planned_as_a_step_with_the_defaults_plans_it(
+    workshop: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[RouteRequest] = []
+
+    def plan(request: RouteRequest) -> PlannedRoute:
+        asked.append(request)
+        return plan_route(request)
+
+    monkeypatch.setattr(planner, "plan_route", plan)
+    mission = workshop.with_name("goto.yaml")
+    shutil.copytree(ROBOT.parent, workshop.with_name("robots"))
+    mission.write_text(MISSION)
+    for robot in (ROBOT.name, "bare.yaml"):
+        file = workshop.with_name("robots") / robot
+        text = (workshop.with_name("robots") / ROBOT.name).read_text()
+        file.write_text(text if robot == ROBOT.name else text[: text.index("scanners:")])
+        mission.write_text(MISSION.replace("ROBOT", robot))
+        call("show", workshop, "--from", "1,1.5,0", "--to", "store", "--robot", file)
+        (step,) = load_mission(mission).destinations.values()
+        shown = asked[-1]
+        assert (shown.margin, shown.known_behind, shown.speed) == (step.margin, step.known_behind, step.speed)
+        assert shown.goal == step.goal
+    assert [request.margin for request in asked] == [0.1, 0.05]
 
 
 def test_a_route_that_cannot_be_is_refused(workshop: Path) -> None:
@@ -192,5 +231,6 @@ def test_a_route_that_cannot_be_is_refused(workshop: Path) -> None:
 
     assert "--from chager: no such place; nearest is 'charger'" in route("chager", "store")
     assert "--to 3,3.5,0: the robot cannot stand there" in route("store", "3,3.5,0")
+    assert "within its outline and 10 cm is a wall" in route("1,1.5,0", "7.0,0.37,0")
     assert "for the robot's outline: it has none" in route("store", "bench", MISSIONS / "robots" / "artemis.yaml")
     assert "needs all of --from, --to and --robot" in refused("show", workshop, "--from", "store")
