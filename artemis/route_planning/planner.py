@@ -37,8 +37,6 @@ from artemis.vehicle import RobotFile
 RADII = (1.55, 1.24, 1.053)
 """Least radius of the rear axle's path, as multiples of the robot's own, wheelbase / tan(steering): wide ones
 are tried first, for the steering is to have something left. Of ARTEMIS they are 0.50, 0.40 and 0.34 m."""
-MOST = 16_000
-"""Poses that are expanded for each radius."""
 GREEDY, GREEDIER = 1.5, 5.0
 """The heuristic counts so many times: routes may be about so much longer than the best, and are found far sooner."""
 BY_TURNS = (
@@ -46,10 +44,12 @@ BY_TURNS = (
     (False, GREEDIER, 2_000),
     (True, GREEDIER, 2_000),
     (False, GREEDIER, 6_000),
-    (True, GREEDIER, MOST - 11_000),
+    (True, GREEDIER, 5_000),
 )
 """Whether they are sought from the goal, how greedily, and among how many: at a narrow end the search from the other
-floods all that is in front of it."""
+floods all that is in front of it. So it is done with the widest radius."""
+NARROWER_TURNS = BY_TURNS[:3]
+"""With each of the others: what is not found among 16,000 poses with the widest is rarely found at all."""
 WIDE = 0.15
 """Where there is less room around the outline than so much more [m], a route costs more."""
 NARROW_SPEED = 0.2
@@ -244,8 +244,8 @@ class _Planning:
         )  # fmt: skip
         self._expanded += expanded
         if why != FOUND:
-            among = "" if why == NO_WAY else f" among {MOST} poses"
-            self._reasons.append(f"no route was found{among} with a radius of {each.radius:.2f} m")
+            among = "" if why == NO_WAY else f" among {self._expanded} poses, down to"
+            self._reasons.append(f"no route was found{among or ' with'} a radius of {each.radius:.2f} m")
             return None
         return np.asarray(points)
 
@@ -264,7 +264,7 @@ class _Planning:
         for known in (True, False) if over_known else (False,):
             yield from (_Try(widest, *turn, known) for turn in BY_TURNS)
         for share in RADII[1:] if self._askew is None else ():
-            yield from (_Try(least * share, *turn) for turn in BY_TURNS)
+            yield from (_Try(least * share, *turn) for turn in NARROWER_TURNS)
 
     def _taken(self, points: Array, back: Sequence[Pose], radius: float) -> PlannedRoute | None:
         """A route that was found, fitted to the robot; None: then it is none."""

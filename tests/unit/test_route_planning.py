@@ -16,6 +16,7 @@ from scipy.ndimage import distance_transform_edt  # scipy has no types
 
 from artemis.mapping.occupancy import OccupancyMap
 from artemis.mission.loading import load_model
+from artemis.motion.arrays import Array
 from artemis.motion.planned_route import unpacked_route
 from artemis.mounting import Outline
 from artemis.route_planning import planner
@@ -24,7 +25,7 @@ from artemis.route_planning.device import warm_up
 from artemis.route_planning.floor import CELL, Floor, clearance, floor_from, goal_problem, resampled
 from artemis.route_planning.obstacle_layer import PlacedScan, known_ground, placed_returns, sees_behind, standing
 from artemis.route_planning.planner import PlannedRoute, RouteRequest, plan_route
-from artemis.route_planning.search import MOST_BACK
+from artemis.route_planning.search import MOST_BACK, TOO_LONG
 from artemis.route_planning.zones import MapZone
 from artemis.scan import Scan
 from artemis.values import Pose
@@ -112,6 +113,20 @@ def test_a_goal_that_is_hard_to_get_into_is_sought_from_there() -> None:
     assert min(room(on.occupied, pose) for pose in poses) >= 0.05
     assert math.hypot(poses[0].x - start.x, poses[0].y - start.y) <= 0.01
     assert math.hypot(poses[-1].x - goal.x, poses[-1].y - goal.y) <= 0.03
+
+
+@pytest.mark.parametrize(("known_behind", "most"), [(None, 26_000), (0.13, 42_000)])
+def test_a_plan_that_fails_searches_so_many_poses_and_says_so(
+    monkeypatch: pytest.MonkeyPatch, known_behind: float | None, most: int
+) -> None:
+    def search(*given: object) -> tuple[Array, int, int]:
+        assert isinstance(given[13], int)
+        return np.empty((0, 4)), TOO_LONG, given[13]
+
+    monkeypatch.setattr(planner, "search", search)
+    found = planned(floor(), known_behind=known_behind)
+    assert (found.values, found.expanded) == ((), most)
+    assert found.detail == f"no route was found among {most} poses, down to a radius of 0.34 m"
 
 
 @pytest.mark.parametrize(
