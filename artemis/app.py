@@ -24,6 +24,7 @@ from artemis.errors import ConfigError
 from artemis.mission.actions import PluginUse
 from artemis.mission.injector import Simulated
 from artemis.mission.loading import LoadedMission
+from artemis.mission.rezoned import rezoned, zones_files
 from artemis.motion.steering_fit import SteeringFit, SteeringZero
 from artemis.planning import (
     check_drivable,
@@ -44,6 +45,7 @@ from artemis.plugins.stated import is_live
 from artemis.recording.disk import Disk
 from artemis.recording.ending import Ending
 from artemis.recording.journal import Entry, Level
+from artemis.recording.mcap_reader import Recording
 from artemis.recording.provenance import ResumePoint
 from artemis.recording.record_folders import note_folder
 from artemis.recording.resume import DONE, last_place, where_it_stopped
@@ -123,10 +125,14 @@ def resumption_from(
     """
     steps = len(loaded.tree.steps)
     simulated, root = is_simulated(loaded, simulate), loaded.folder / loaded.mission.record
-    found = where_it_stopped(run, files_of(loaded, source), steps, simulated=simulated, root=root)
-    if problems := unresumable(loaded, found[0].position):
+    zones, files = zones_files(loaded), files_of(loaded, source)
+    fixed = {name: content for name, content in files.items() if name not in zones}
+    found, notes = where_it_stopped(run, fixed, steps, simulated=simulated, root=root)
+    if zones:
+        notes += rezoned(loaded, Recording(run).files, run)
+    if problems := unresumable(loaded, found.position):
         raise ConfigError([f"{run}: cannot be resumed: {problem}" for problem in problems])
-    return found
+    return found, notes
 
 
 @dataclass(slots=True, kw_only=True)

@@ -89,11 +89,11 @@ def opened(
     others = [*sensors(), *_scanners(loaded, world, simulated=simulated), *_supply_meters(loaded, drives)]
     actuators: list[Actuators] = [drives]
     if loaded.destinations:
-        from artemis.mission.zones import zoned_floor
+        from artemis.mission.zones import zones_in
         from artemis.route_planning.device import RoutePlanner
 
         virtual = isinstance(loop, SimulatedLoop)
-        actuators.append(RoutePlanner(loaded.robot, loaded.destinations, zoned_floor, virtual=virtual))
+        actuators.append(RoutePlanner(loaded.robot, loaded.destinations, zones_in, virtual=virtual))
     if uses := _track_uses(loaded):
         actuators.append(TrackFitter(loaded.robot, uses, virtual=isinstance(loop, SimulatedLoop)))
     alone = len(actuators) + len(others) == 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from artemis.mapping.graph_file import SUFFIX, MapGraph, read_graph
 from artemis.mapping.map_file import read_map
 from artemis.mapping.occupancy import FREE, OCCUPIED, OccupancyMap
 from artemis.mapping.se2 import between, wrapped
+from artemis.mission.goto import Goto, goto_rules, known_behind, route_margin
 from artemis.mission.loading import load_model
 from artemis.motion.planned_route import unpacked_route
 from artemis.motion.route import Route
@@ -24,6 +26,8 @@ from artemis.route_planning.zones import MapZones
 from artemis.values import Pose
 from artemis.vehicle import RobotFile
 
+_DEFAULTS = Goto(map="map.yaml", to="place")
+"""A step in which nothing else is said."""
 _SHOWN = 10
 """Loops that fit worst."""
 
@@ -60,9 +64,10 @@ def show_map(file: Path, figure: Path | None, wanted: tuple[str, str, Path] | No
         say_zones(file, zones, content)
     route = planned(content, zones, *wanted) if wanted is not None else None
     if route is not None:
-        _row("route", f"{route.length:.1f} m, {len(route.parts) - 1} reversals")
+        length, reversals = route.way.length, len(route.way.parts) - 1
+        _row("route", f"{length:.1f} m, {reversals} reversals, {100 * route.margin:.0f} cm around the outline")
     if figure is not None:
-        _draw(content, graph, zones, route, figure)
+        _draw(content, graph, zones, None if route is None else route.way, figure)
 
 
 def _say(graph: MapGraph) -> None:
@@ -85,8 +90,17 @@ def _row(name: str, words: str) -> None:
     sys.stdout.write(f"{name:<12}{words}\n")
 
 
-def planned(content: OccupancyMap, zones: MapZones, begin: str, end: str, robot_file: Path) -> Route:
-    """A route as a step `goto` plans it.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShownRoute:
+    """A route for people."""
+
+    way: Route
+    margin: float
+    """Around the outline [m]."""
+
+
+def planned(content: OccupancyMap, zones: MapZones, begin: str, end: str, robot_file: Path) -> ShownRoute:
+    """A route as a step `goto` plans it in which nothing is said but the map and the place.
 
     Raises:
         ConfigError: there is none, or no such place; the robot cannot stand there, or has no outline.
@@ -96,17 +110,27 @@ def planned(content: OccupancyMap, zones: MapZones, begin: str, end: str, robot_
     robot = load_model(robot_file, RobotFile)
     if robot.outline is None:
         raise ConfigError(f"{robot_file}: routes are planned for the robot's outline: it has none")
+    rules = goto_rules(_DEFAULTS, None, robot)
+    margin = route_margin(rules)
     floor, poses = floor_from(content, zones.zones), list[Pose]()
-    for option, words in (("--from", begin), ("--to", end)):
+    for option, words, room in (("--from", begin, MARGIN), ("--to", end, margin)):
         pose = _pose(option, words, zones)
-        if problem := goal_problem(floor, robot, pose, MARGIN):
+        if problem := goal_problem(floor, robot, pose, room):
             raise ConfigError(f"{option} {words}: {problem}")
         poses.append(pose)
-    speed = robot.limits.speed_m_s
-    found = plan_route(RouteRequest(floor=floor, robot=robot, start=poses[0], goal=poses[1], speed=speed))
+    request = RouteRequest(
+        floor=floor,
+        robot=robot,
+        start=poses[0],
+        goal=poses[1],
+        speed=_DEFAULTS.speed_m_s,
+        margin=margin,
+        known_behind=known_behind(rules),
+    )
+    found = plan_route(request)
     if not found.values:
         raise ConfigError(f"from {begin} to {end}: {found.detail}")
-    return unpacked_route(found.values)
+    return ShownRoute(way=unpacked_route(found.values), margin=margin)
 
 
 def _pose(option: str, words: str, zones: MapZones) -> Pose:

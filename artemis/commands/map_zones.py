@@ -17,9 +17,9 @@ from artemis.errors import ConfigError, similar
 from artemis.mapping.occupancy import OccupancyMap
 from artemis.mission.loading import load_model
 from artemis.mission.problems import plain_words
-from artemis.mission.zones import HEAD, read_zones, with_zone, without_zone, write_zones, zone_line, zones_in
+from artemis.mission.zones import HEAD, read_zones, with_zone, without_zones, write_zones, zones_in
 from artemis.route_planning.floor import outside
-from artemis.route_planning.zones import MapZone, MapZones, zones_file
+from artemis.route_planning.zones import MapZone, MapZones, in_digits, zone_line, zones_file
 from artemis.yaml_edit import with_line, without_line
 
 Model = TypeVar("Model", bound=Config)
@@ -27,7 +27,7 @@ Model = TypeVar("Model", bound=Config)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ZoneEdits:
-    """What is to be done, in this order."""
+    """What is to be done, in this order; zones are removed by their numbers of before."""
 
     remove_zones: Sequence[str] = ()
     remove_places: Sequence[str] = ()
@@ -56,8 +56,7 @@ def edited_zones(raw: bytes, source: str, edits: ZoneEdits) -> bytes:
     Raises:
         ConfigError: it would be wrong, what is to be removed is not there, or what is to be added is.
     """
-    for name in edits.remove_zones:
-        raw = without_zone(raw, source, name)
+    raw = without_zones(raw, source, edits.remove_zones)
     for name in edits.remove_places:
         known = list(zones_in(raw, source).places)
         if name not in known:
@@ -99,7 +98,7 @@ def turned_zones(known: MapZones, turn: float) -> bytes:
     for name, place in known.places.items():
         x, y = at(place.x_m, place.y_m)
         heading = round(math.degrees(math.remainder(math.radians(place.heading_deg) + turn, math.tau)), 3)
-        raw = with_line(raw, "", "places", f"{name}: {{x_m: {x:g}, y_m: {y:g}, heading_deg: {heading:g}}}")
+        raw = with_line(raw, "", "places", f"{name}: {_pose_line(x, y, heading)}")
     return raw
 
 
@@ -109,10 +108,10 @@ def say_zones(file: Path, known: MapZones, on: OccupancyMap) -> None:
     sys.stdout.write(f"{'zones':<12}{beside}: {len(known.zones)} zones, {len(known.places)} places\n")
     for number, zone in enumerate(known.zones, 1):
         speed = f" {zone.speed_m_s:g} m/s" if zone.speed_m_s is not None else ""
-        corners = ", ".join(f"{x:g} {y:g}" for x, y in zone.corners)
+        corners = ", ".join(f"{in_digits(x)} {in_digits(y)}" for x, y in zone.corners)
         sys.stdout.write(f"{'zone':<12}{number} {zone.name or '(no name)'}: {zone.kind}{speed}, corners {corners}\n")
     for name, place in known.places.items():
-        pose = f"x {place.x_m:g} m, y {place.y_m:g} m, {place.heading_deg:g} degrees"
+        pose = f"x {in_digits(place.x_m)} m, y {in_digits(place.y_m)} m, {in_digits(place.heading_deg)} degrees"
         sys.stdout.write(f"{'place':<12}{name}: {pose}\n")
     for line in outside(on, known):
         sys.stdout.write(f"{'notice':<12}{line}\n")
@@ -140,7 +139,11 @@ def _place(text: str) -> tuple[str, str]:
     x, y, heading = given[:3]
     pose_keys = {"x_m": x, "y_m": y, "heading_deg": heading}
     _valid(MapZones, {"places": {name: pose_keys}}, f"--place {name}")
-    return name, f"{{x_m: {x:g}, y_m: {y:g}, heading_deg: {heading:g}}}"
+    return name, _pose_line(x, y, heading)
+
+
+def _pose_line(x: float, y: float, heading: float) -> str:
+    return f"{{x_m: {in_digits(x)}, y_m: {in_digits(y)}, heading_deg: {in_digits(heading)}}}"
 
 
 def _valid(model: type[Model], values: dict[str, object], option: str) -> Model:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 MAPPING = "mapping takes five times as long"
 MATCHING = "matching a scan on a map, and searching the map, take five times as long"
-ROUTES = "planning a route takes two to seven times as long"
+ROUTES = "planning a route takes two to seven times as long, and up to two minutes where there is none"
 SLOWER = (MAPPING, MATCHING, ROUTES)
 SCAN_MAP = "scan_map"
 """Name of the plugin that matches scans on a map."""

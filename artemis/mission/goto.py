@@ -98,6 +98,13 @@ def goto_rules(goto: Goto, mission: Obstacles | None, robot: RobotFile) -> Obsta
     return replace(rules, blocked_after=goto.blocked_after_s)
 
 
+def route_margin(rules: ObstacleRules | None) -> float:
+    """How much room a route keeps around the outline [m], by what `goto_rules` says."""
+    from artemis.route_planning.floor import MARGIN
+
+    return max(MARGIN, 0.0 if rules is None or rules.mode == "off" else rules.margin + BEYOND)
+
+
 def known_behind(rules: ObstacleRules | None) -> float | None:
     """How far behind the outline ground has to be known for the obstacle stop to let the robot reverse [m].
 

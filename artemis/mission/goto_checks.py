@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from artemis.bridges.poses import GOAL_POSE
 from artemis.errors import ConfigError
 from artemis.mission.files import read_data
-from artemis.mission.goto import BEYOND, AskedGoal, Goto, goto_rules, known_behind
+from artemis.mission.goto import AskedGoal, Goto, goto_rules, known_behind, route_margin
 from artemis.mission.obstacles import Obstacles
 from artemis.mission.problems import nearest
 from artemis.mission.reading import Configs, MissionReading
@@ -52,16 +52,15 @@ class GotoChecks(MissionReading):
         pose = None if goto.asks else found and self._goal(at, goto, found[1])
         if found is None or (pose is None and not goto.asks) or robot is None or robot.outline is None:
             return
-        from artemis.route_planning.floor import MARGIN, Destination, goal_problem
+        from artemis.route_planning.floor import Destination, goal_problem
 
         rules = goto_rules(goto, self._part(Obstacles, "obstacles") if "obstacles" in self._data else None, robot)
-        margin = max(MARGIN, 0.0 if rules is None or rules.mode == "off" else rules.margin + BEYOND)
+        margin = route_margin(rules)
         problem = None if pose is None else goal_problem(found[0], robot, pose, margin)
         if problem is not None:
             self._complain((*at, "to"), f"{goto.place}: {problem}")
             return
         self._destinations[number] = Destination(
-            floor=found[0],
             made_of=found[2],
             goal=pose,
             speed=goto.speed_m_s,
@@ -107,7 +106,7 @@ class GotoChecks(MissionReading):
 
     def _read_floor(self, at: KeyPath, name: str) -> tuple[Floor, MapZones, ZonedMap] | None:
         from artemis.mapping.map_file import map_from
-        from artemis.route_planning.floor import ZonedMap, floor_from, outside
+        from artemis.route_planning.floor import ZonedMap, floor_from, outside, packed_map
         from artemis.route_planning.zones import MapZones, zones_file
 
         def image(image: str) -> bytes:
@@ -137,4 +136,4 @@ class GotoChecks(MissionReading):
             self._complain(at, f"{name}: {error}")
             return None
         self._remarks += [f"{beside}: {remark}" for remark in outside(content, zones)]
-        return floor, zones, ZonedMap(content, self._folder / beside, found or b"")
+        return floor, zones, ZonedMap(packed_map(content), self._folder / beside, found or b"")

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
 from artemis.errors import ConfigError, similar
-from artemis.mapping.occupancy import OccupancyMap
 from artemis.mission.loading import model_of
 from artemis.recording.disk import write_whole
-from artemis.route_planning.floor import Floor, floor_from
-from artemis.route_planning.zones import MapZone, MapZones
+from artemis.route_planning.zones import MapZone, MapZones, zone_line
 from artemis.yaml_edit import is_blank, replace_content, with_line, without_line
 from artemis.yaml_file import read
 
@@ -30,22 +27,32 @@ def with_zone(raw: bytes, source: str, zone: MapZone) -> bytes:
     return with_line(raw, source, "zones", f"- {zone_line(zone, zone.corners)}")
 
 
-def without_zone(raw: bytes, source: str, name: str | int) -> bytes:
-    """The content without a zone, by its name or its number from 1. Raises ConfigError: there is none."""
+def without_zones(raw: bytes, source: str, which: Sequence[str | int]) -> bytes:
+    """The content without some zones, each by its name or its number from 1 in this content; an int is a number.
+
+    Raises:
+        ConfigError: there is no such zone, or the name of one is the number of another.
+    """
     zones = zones_in(raw, source).zones
-    found = [n for n, zone in enumerate(zones) if name == n + 1 or name in (zone.name, str(n + 1))]
-    if not found:
-        known = [zone.name or str(number) for number, zone in enumerate(zones, 1)]
-        raise ConfigError(f"{source}: no zone {name!r}; {similar(str(name), known) or 'there are none'}")
-    return without_line(raw, source, "zones", found[0])
+    found = {_number_of(each, zones, source) for each in which}
+    for number in sorted(found, reverse=True):
+        raw = without_line(raw, source, "zones", number)
+    return raw
 
 
-def zone_line(zone: MapZone, corners: Sequence[Sequence[float]]) -> str:
-    """A zone on one line."""
-    name = f"name: {json.dumps(zone.name, ensure_ascii=False)}, " if zone.name is not None else ""
-    speed = f", speed_m_s: {zone.speed_m_s:g}" if zone.speed_m_s is not None else ""
-    points = ", ".join(f"[{x:g}, {y:g}]" for x, y in corners)
-    return f"{{{name}kind: {zone.kind}{speed}, corners: [{points}]}}"
+def _number_of(which: str | int, zones: Sequence[MapZone], source: str) -> int:
+    """From 0."""
+    named = [n for n, zone in enumerate(zones) if zone.name == which]
+    numbered = [n for n in range(len(zones)) if which in (n + 1, str(n + 1))]
+    if named and numbered and named != numbered:
+        raise ConfigError(
+            f"{source}: {which} is the name of zone {named[0] + 1}, and the number of another; give the number of the "
+            "first, or remove the second by hand"
+        )
+    if found := named or numbered:
+        return found[0]
+    known = [zone.name or str(number) for number, zone in enumerate(zones, 1)]
+    raise ConfigError(f"{source}: no zone {which!r}; {similar(str(which), known) or 'there are none'}")
 
 
 def read_zones(beside: Path) -> bytes:
@@ -58,11 +65,3 @@ def write_zones(beside: Path, content: bytes) -> None:
     if not beside.exists():
         write_whole(beside, HEAD.decode())
     replace_content(beside, content)
-
-
-def zoned_floor(content: OccupancyMap, beside: Path, raw: bytes) -> Floor | str:
-    """The floor of a map with the zones of `raw`, the content of the file `beside`; or what is wrong in that."""
-    try:
-        return floor_from(content, zones_in(raw, str(beside)).zones)
-    except ConfigError as error:
-        return "; ".join(error.problems)

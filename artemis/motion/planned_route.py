@@ -22,6 +22,8 @@ PLANNER = "a route"
 """Who does jobs of the kind PLAN, as their `drive`."""
 FITTER = "a path"
 """Likewise of the kind FIT."""
+NOT_KEPT = 0
+"""In the values of a job PLAN before a present route that is to be another one although it is free: none begins so."""
 ROUND_CORNERS = 0.10
 """A planned route may leave its points at a corner by so much [m]."""
 _MICRO = 1e6

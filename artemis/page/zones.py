@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from artemis.bridges.page.session import ZoneChange
 from artemis.errors import ArtemisError, ConfigError
 from artemis.mission.problems import plain_words
-from artemis.mission.zones import read_zones, with_zone, without_zone, write_zones, zones_in
+from artemis.mission.zones import read_zones, with_zone, without_zones, write_zones, zones_in
 from artemis.page.view import Part
 from artemis.route_planning.zones import MapZone, zones_file
 from artemis.states.outline import numbered
@@ -50,7 +50,7 @@ class ZoneFiles:
         if _tag(raw) != change.known:
             raise ConfigError("another operator has changed the zones meanwhile: load them again")
         if change.remove:
-            raw = without_zone(raw, str(beside), change.remove)
+            raw = without_zones(raw, str(beside), [change.remove])
         else:
             raw = with_zone(raw, str(beside), _zone(change))
         zones_in(raw, str(beside))

@@ -44,7 +44,7 @@ def where_it_stopped(
 
     Args:
         run: Its folder, or its recording; a damaged one counts as far as it is whole.
-        files: The mission file and all that it names, as they are now.
+        files: The mission file and all that it names and that must not have changed, as they are now.
         steps: How many the mission has.
         simulated: The run that resumes it is.
         root: Where the mission's runs lie.

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from textwrap import shorten
 from typing import Any
 
-from artemis.progress import DONE, MissionEvent, Position
+from artemis.progress import DONE, NO_PATH, SHORT, MissionEvent, Position
 from artemis.report.mission_boxes import is_list
 from artemis.states.modes import RUNNING
 from artemis.states.outline import is_beside, numbered
@@ -19,6 +19,8 @@ from artemis.yaml_file import dotted
 
 LONGEST_NAME = 30
 """Characters of the present step's."""
+_EXPLAINED = (NO_PATH, SHORT)
+"""Outcomes with which the phase says why."""
 _REASONS = ("ended", "fired", "expired", "end")
 """Events that may end a mission."""
 
@@ -72,7 +74,7 @@ class MissionTimes:
         self.ended = ""
         self._events: Counter[tuple[str, str]] = Counter()
         self._reason: MissionEvent | None = None
-        self._said = ""
+        self._said = self._why = ""
         self.present: StepTime | None = None
         self.before = ""
         self._last = 0.0
@@ -87,6 +89,8 @@ class MissionTimes:
         self._last, self.ended = time, position.ended
         for event in tick.events:
             self._happened(event)
+        if tick.events and tick.wish.outcome:
+            self._why = tick.wish.phase if tick.wish.outcome in _EXPLAINED else ""
         if runs or tick.events:
             step = self.steps[position.step] if position.step < len(self.steps) else None
             present = self.present
@@ -168,7 +172,8 @@ class MissionTimes:
             return f"the mission ended itself at {path}" + (f": {self._said}" if self._said else "")
         step = self._by_path.get(path)
         what = f"step “{step.name}” ({path})" if step else f"{path} ({self._reason.text})"
-        return f"{what} ended with {self.ended}, and no try catches that"
+        why = f" ({self._why})" if self._why and self.ended in _EXPLAINED else ""
+        return f"{what} ended with {self.ended}{why}, and no try catches that"
 
     @property
     def remedy(self) -> str:

@@ -6,19 +6,19 @@ import asyncio
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
-from math import hypot
-from pathlib import Path
+from functools import partial
+from math import hypot, inf
 
 import numpy as np
 
 from artemis.devices.device import Readings, Report, Work
 from artemis.devices.worker import Worker, WorkerEnded
 from artemis.mapping.occupancy import OccupancyMap
-from artemis.motion.planned_route import PLANNER, unpacked_poses
-from artemis.route_planning.floor import CELL, Destination, Floor, floor_from
+from artemis.motion.planned_route import NOT_KEPT, PLANNER, unpacked_poses
+from artemis.route_planning.floor import CELL, Destination, floor_from
 from artemis.route_planning.obstacle_layer import EVERY, KEPT, PlacedScan, placed_scan
 from artemis.route_planning.planner import PlannedRoute, RouteRequest, plan_route
+from artemis.route_planning.zoned import PlanOrder, ZonesIn, plan_zoned
 from artemis.values import Job, JobResult, Pose, Snapshot, Tick
 from artemis.vehicle import RobotFile
 
@@ -27,8 +27,9 @@ MODELLED, MODELLED_PER_POSE = 0.05, 10e-6
 DRIVEN_SPACING, DRIVEN = 0.05, 40
 """What the robot has driven is noted every so often [m], so many times."""
 
-ZonedFloor = Callable[[OccupancyMap, Path, bytes], Floor | str]
-"""From a map and the content of the file of its zones to the floor, or what is wrong in that file."""
+UNKNOWN_ZONES = "PTH-11"
+AGAIN = 0.5
+"""A file of zones that is wrong is read again after so long [s]: an editor may be about to replace it."""
 
 
 class RoutePlanner:
@@ -37,21 +38,25 @@ class RoutePlanner:
     drives = (PLANNER,)
 
     def __init__(
-        self, robot: RobotFile, destinations: Mapping[int, Destination], zoned_floor: ZonedFloor, *, virtual: bool
+        self, robot: RobotFile, destinations: Mapping[int, Destination], zones_in: ZonesIn, *, virtual: bool
     ) -> None:
         """Plan nothing yet.
 
         Args:
             robot: its outline and what it can turn.
             destinations: by the numbers of their steps.
-            zoned_floor: makes the floor of a map anew; it goes to another process.
+            zones_in: reads the content of a file of zones; it goes to another process.
             virtual: a plan takes what it is modelled to take.
         """
-        self._robot, self._destinations, self._zoned_floor = robot, destinations, zoned_floor
-        self._floors: dict[Path, tuple[bytes, Floor]] = {}
-        """By the file of their zones, with its content; only those that changed."""
+        self._robot, self._destinations, self._zones_in = robot, destinations, zones_in
+        self._known = {each.made_of.beside: each.made_of.raw for each in destinations.values()}
+        """The files of zones, and what was in them when they were read last."""
+        self._planned_for = dict(self._known)
+        """The same when the newest route was planned."""
         self._pose = Pose()
         self._placed_scans: deque[PlacedScan] = deque()
+        self._looked: dict[str, float] = {}
+        """When a scan of each scanner was kept last [s of the run]."""
         self._driven: deque[Pose] = deque(maxlen=DRIVEN)
         self._worker, self._virtual = Worker(virtual=virtual), virtual
 
@@ -78,11 +83,13 @@ class RoutePlanner:
         self._look(snapshot)
 
     def _look(self, snapshot: Snapshot) -> None:
-        """Keep a scan now and then."""
-        scans, now = snapshot.sensed.scans, snapshot.time
-        if scans and (not self._placed_scans or now - self._placed_scans[-1].time >= EVERY):
-            newest = {scan.source: scan for scan in scans}.values()
-            self._placed_scans += [placed_scan(snapshot, scan, self._robot.geometry.wheelbase_m) for scan in newest]
+        """Keep a scan of each scanner now and then."""
+        now = snapshot.time
+        for source, scan in {scan.source: scan for scan in snapshot.sensed.scans}.items():
+            if now - self._looked.get(source, -inf) < EVERY:
+                continue
+            self._looked[source] = now
+            self._placed_scans.append(placed_scan(snapshot, scan, self._robot.geometry.wheelbase_m))
             while now - self._placed_scans[0].time > KEPT:
                 self._placed_scans.popleft()
 
@@ -100,48 +107,54 @@ class RoutePlanner:
 
     async def perform(self, job: Job) -> JobResult:
         """Plan a route for the step that the job names, from where the robot is; or keep the job's, if it is free."""
-        destination, present = self._destinations[int(job.value)], job.values
-        goal = destination.goal or unpacked_poses(present[:3])[0]
-        if destination.goal is None:
-            present = present[3:]
+        order = self._order(job)
         try:
-            floor = await self._floor(destination)
-            if isinstance(floor, str):
-                return _result(job, PlannedRoute(detail=floor))
-            request = replace(self._request(destination, self._pose, goal), floor=floor, present=present)
-            planned = await self._worker.do(plan_route, request)
+            done = await self._worker.do(plan_zoned, order)
+            if done.wrong:
+                await asyncio.sleep(AGAIN)
+                done = await self._worker.do(plan_zoned, order)
         except WorkerEnded as ended:
             return ended.result(job)
+        planned = done.planned
         if self._virtual:
             await asyncio.sleep(MODELLED + MODELLED_PER_POSE * planned.expanded)
-        return _result(job, planned)
+        if done.wrong:
+            return JobResult(
+                id=job.id, kind=job.kind, drive=job.drive, ok=False, detail=done.wrong, fault=UNKNOWN_ZONES
+            )
+        self._known[order.beside] = done.raw
+        if planned.values and planned.values != order.request.keywords["present"]:  # another route
+            self._planned_for[order.beside] = done.raw
+        ok = planned.arrived or bool(planned.values and not planned.only_present)
+        return JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=ok, detail=planned.detail, values=planned.values)
 
-    async def _floor(self, destination: Destination) -> Floor | str:
-        """A step's floor, with the zones that are beside its map now; or what is wrong with them."""
-        made_of = destination.made_of
-        try:
-            raw = await self._worker.do(_content, made_of.beside)
-        except OSError as error:
-            return f"{made_of.beside}: cannot be read: {error.strerror}"
-        known, floor = self._floors.get(made_of.beside, (made_of.raw, destination.floor))
-        if raw == known:
-            return floor
-        made = await self._worker.do(self._zoned_floor, made_of.content, made_of.beside, raw)
-        if not isinstance(made, str):
-            self._floors[made_of.beside] = raw, made
-        return made
-
-    def _request(self, destination: Destination, start: Pose, goal: Pose) -> RouteRequest:
-        return RouteRequest(
-            floor=destination.floor,
+    def _order(self, job: Job) -> PlanOrder:
+        destination, present = self._destinations[int(job.value)], job.values
+        goal = destination.goal
+        if goal is None:
+            goal, present = unpacked_poses(present[:3])[0], present[3:]
+        keep = present[:1] != (NOT_KEPT,)
+        request = partial(
+            RouteRequest,
             robot=self._robot,
-            start=start,
+            start=self._pose,
             goal=goal,
             speed=destination.speed,
             margin=destination.margin,
             placed_scans=tuple(self._placed_scans),
             known_behind=destination.known_behind,
             driven=tuple(self._driven),
+            present=present if keep else present[1:],
+            keep=keep,
+        )
+        made_of = destination.made_of
+        return PlanOrder(
+            content=made_of.content,
+            beside=made_of.beside,
+            known=self._known[made_of.beside],
+            planned_for=self._planned_for[made_of.beside] if present else None,
+            zones_in=self._zones_in,
+            request=request,
         )
 
     def close(self) -> None:
@@ -158,16 +171,3 @@ def warm_up(robot: RobotFile) -> PlannedRoute:
     empty = floor_from(OccupancyMap(cells=cells, resolution=CELL, origin=(0.0, 0.0, 0.0)))
     start, goal = (Pose(x=share * side, y=0.5 * side) for share in (0.4, 0.6))
     return plan_route(RouteRequest(floor=empty, robot=robot, start=start, goal=goal, speed=0.1, known_behind=0.0))
-
-
-def _content(file: Path) -> bytes:
-    """Nothing, where there is no such file. Raises OSError."""
-    try:
-        return file.read_bytes()
-    except FileNotFoundError:
-        return b""
-
-
-def _result(job: Job, planned: PlannedRoute) -> JobResult:
-    ok = planned.arrived or bool(planned.values)
-    return JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=ok, detail=planned.detail, values=planned.values)

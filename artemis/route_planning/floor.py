@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -147,10 +148,32 @@ def clearance(occupied: Cells) -> Field:
     return clear
 
 
+class PackedMap(Struct, frozen=True):
+    """A map, compressed: small enough to go to the process that plans with each order."""
+
+    cells: bytes
+    shape: tuple[int, int]
+    resolution: float
+    origin: tuple[float, float, float]
+
+    @property
+    def content(self) -> OccupancyMap:
+        """What was packed."""
+        cells = np.frombuffer(zlib.decompress(self.cells), np.int8).reshape(self.shape)
+        return OccupancyMap(cells=cells, resolution=self.resolution, origin=self.origin)
+
+
+def packed_map(content: OccupancyMap) -> PackedMap:
+    """A map as a `PackedMap`."""
+    rows, columns = content.cells.shape
+    cells = zlib.compress(np.ascontiguousarray(content.cells, np.int8).tobytes(), 1)
+    return PackedMap(cells, (rows, columns), content.resolution, content.origin)
+
+
 class ZonedMap(Struct, frozen=True):
     """A map, and the file of its zones as it was read: what a floor is made of."""
 
-    content: OccupancyMap
+    content: PackedMap
     beside: Path
     raw: bytes
     """Empty: there was no file."""
@@ -159,9 +182,8 @@ class ZonedMap(Struct, frozen=True):
 class Destination(Struct, frozen=True, kw_only=True):
     """What a step of a mission wants routes for."""
 
-    floor: Floor
     made_of: ZonedMap
-    """The floor of before the run; whoever plans makes another one once the zones are others."""
+    """As of before the run; whoever plans reads the zones again."""
     goal: Pose | None
     """In the frame of the map; None: each job has its own."""
     speed: float

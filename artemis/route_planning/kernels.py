@@ -24,4 +24,5 @@ except ImportError:  # the extra `slam` is not installed
 
 def notice() -> str:
     """For people, where `COMPILED` is false."""
-    return f"numba is not installed: planning a route takes two to seven times as long; {install('slam')}"
+    longer = "takes two to seven times as long, and up to two minutes where there is none"
+    return f"numba is not installed: planning a route {longer}; {install('slam')}"

@@ -10,10 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from artemis.errors import ConfigError
-from artemis.mapping.se2 import wrapped
 from artemis.motion.angles import wrap
 from artemis.motion.arrays import Array
-from artemis.motion.planned_route import packed_route, planned_route, unpacked_route
+from artemis.motion.planned_route import packed_route, planned_route
 from artemis.motion.route import Route
 from artemis.motion.view import placed_points
 from artemis.route_planning.floor import (
@@ -21,33 +20,23 @@ from artemis.route_planning.floor import (
     CELL,
     MARGIN,
     NEARNESS,
-    SPARE,
-    Cells,
     Field,
     Floor,
     clearance,
     covered,
     outline_box,
 )
+from artemis.route_planning.free_ground import FreeGround
 from artemis.route_planning.heuristic import UNREACHABLE, cost_to_go
 from artemis.route_planning.obstacle_layer import PlacedScan, known_ground, sees_behind, standing
-from artemis.route_planning.search import (
-    FINEST,
-    FIRST,
-    FOUND,
-    NARROW,
-    NO_WAY,
-    are_free,
-    search,
-)
+from artemis.route_planning.present_route import PresentRoute, places
+from artemis.route_planning.search import FOUND, NARROW, NO_WAY, are_free, search
 from artemis.values import Pose
 from artemis.vehicle import RobotFile
 
 RADII = (1.55, 1.24, 1.053)
 """Least radius of the rear axle's path, as multiples of the robot's own, wheelbase / tan(steering): wide ones
 are tried first, for the steering is to have something left. Of ARTEMIS they are 0.50, 0.40 and 0.34 m."""
-MOST = 16_000
-"""Poses that are expanded for each radius."""
 GREEDY, GREEDIER = 1.5, 5.0
 """The heuristic counts so many times: routes may be about so much longer than the best, and are found far sooner."""
 BY_TURNS = (
@@ -55,13 +44,12 @@ BY_TURNS = (
     (False, GREEDIER, 2_000),
     (True, GREEDIER, 2_000),
     (False, GREEDIER, 6_000),
-    (True, GREEDIER, MOST - 11_000),
+    (True, GREEDIER, 5_000),
 )
 """Whether they are sought from the goal, how greedily, and among how many: at a narrow end the search from the other
-floods all that is in front of it."""
-FIRST_MARGIN = 0.01
-"""Around the outline in the first metre, if something is nearer at the start [m]; what the map shows under it then does
-not count."""
+floods all that is in front of it. So it is done with the widest radius."""
+NARROWER_TURNS = BY_TURNS[:3]
+"""With each of the others: what is not found among 16,000 poses with the widest is rarely found at all."""
 WIDE = 0.15
 """Where there is less room around the outline than so much more [m], a route costs more."""
 NARROW_SPEED = 0.2
@@ -72,8 +60,6 @@ EXACT_ANGLE = math.radians(1.5)
 """A fitted route ends rather no more askew [rad]: to follow it takes the rest."""
 RECOVERY = 0.5
 """Where no route begins, the robot may first go back so far along what it has just driven [m]."""
-ON_ROUTE, ALONG_ROUTE = 0.1, math.radians(20.0)
-"""A robot that is farther off its present route, or more askew, is not on it [m, rad]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -96,7 +82,11 @@ class RouteRequest:
     driven: tuple[Pose, ...] = ()
     """What the robot has just driven, the oldest first: forwards, up to where it is."""
     present: tuple[int, ...] = ()
-    """The route that it is on, as of `PlannedRoute`: kept if the rest of it is free."""
+    """The route that it is on, as of `PlannedRoute`."""
+    keep: bool = True
+    """It is kept if the rest of it is free."""
+    before: Floor | None = None
+    """The floor for which it was planned, if the zones are others now."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,10 +97,16 @@ class PlannedRoute:
     """As of `artemis.motion.planned_route.packed_route`; empty: there is no route, or none is needed."""
     arrived: bool = False
     """The robot is at the goal."""
+    only_present: bool = False
+    """There is no other route than the present one, on which something stands, but no new zone."""
     detail: str
     """The route, or why there is none, in words."""
     expanded: int = 0
     """Poses that were looked at."""
+
+    def with_words(self, words: str) -> PlannedRoute:
+        """The same with more to say; empty words: with no more."""
+        return replace(self, detail=f"{self.detail}; {words}") if words else self
 
 
 class _Try(NamedTuple):
@@ -131,26 +127,6 @@ def plan_route(request: RouteRequest) -> PlannedRoute:
     return _Planning(request).result()
 
 
-def _fits(pose: Array, clear: Field, box: Array) -> bool:
-    """Whether an outline at a pose of the floor is free."""
-    return bool(are_free(pose.reshape(1, 3), clear, CELL, box)[0])
-
-
-def _places(route: Route) -> tuple[Array, Array]:
-    """How far it is to places along a route [m], a cell or less apart; and x, y, heading, direction there, (n, 4)."""
-    driven, poses, before = [], [], 0.0
-    for part in route.parts:
-        path = part.path
-        some = np.append(np.arange(0, len(path.x) - 1, max(1, int(CELL / path.spacing))), len(path.x) - 1)
-        driven.append(before + path.spacing * some)
-        heading = path.heading[some] + math.pi * part.backward
-        poses.append(
-            np.column_stack([path.x[some], path.y[some], heading, np.full(len(some), 1.0 - 2.0 * part.backward)])
-        )
-        before += path.length
-    return np.concatenate(driven), np.concatenate(poses)
-
-
 def _end(route: Route) -> Pose:
     """Where a route ends."""
     last = route.parts[-1]
@@ -162,23 +138,17 @@ class _Planning:
     def __init__(self, request: RouteRequest) -> None:
         self._request, self._floor = request, request.floor
         self._start, self._goal = self._floor.local(request.start), self._floor.local(request.goal)
-        self._box = outline_box(request.robot, request.margin + SPARE)
-        self._least = float(self._box[2]) - 2.0 * CELL
         self._wide = outline_box(request.robot, request.margin + WIDE)
-        self._checked = outline_box(request.robot, request.margin + FINEST)
-        occupied, self._clear = self._floor.occupied, clearance(self._floor.occupied)
-        row, column = standing(request.placed_scans, request.robot.scanners, self._floor, self._clear)
+        occupied, clear = self._floor.occupied, clearance(self._floor.occupied)
+        row, column = standing(request.placed_scans, request.robot.scanners, self._floor, clear)
         if row.size:
             occupied = occupied.copy()
             occupied[row, column] = True
-            self._clear = clearance(occupied)
-        self._begun, self._first_box, self._first_checked = self._clear, self._box, self._checked
+            clear = clearance(occupied)
+        self._ground = FreeGround(self._floor.occupied, occupied, clear, request.robot, request.margin, self._start)
+        self._clear, self._box = clear, self._ground.box
+        self._least = float(self._box[2]) - 2.0 * CELL
         bare = outline_box(request.robot, 0.0)
-        if covered(occupied, self._start, self._box).any():
-            self._first_box = self._first_checked = outline_box(request.robot, FIRST_MARGIN)
-            under = covered(self._floor.occupied, self._start, self._first_box)
-            under |= covered(occupied, self._start, bare, reach=0.0)
-            self._begun = clearance(occupied & ~under)
         self._seen = bare - (0.0, request.known_behind or 0.0, 0.0)
         self._known = self._anywhere = np.full_like(self._clear, np.inf)
         self._over_known = request.known_behind is not None and not sees_behind(request.placed_scans, request.robot)
@@ -194,20 +164,31 @@ class _Planning:
         """How far beside the goal the newest route ended that did not end exactly."""
 
     def result(self) -> PlannedRoute:
+        """The route; where there is no other one the present one, unless it leads through a new zone."""
+        found, request = self._found(), self._request
+        if found.values or found.arrived or not request.present:
+            return found
+        if request.before is not None:
+            present = PresentRoute(request.present, request.start, request.speed)
+            if not present.is_allowed(self._floor, request.before, request.robot, request.margin):
+                return replace(found, detail=f"{found.detail}, and a zone that is new is in the way of the present one")
+        return replace(found, values=request.present, only_present=True)
+
+    def _found(self) -> PlannedRoute:
         request = self._request
         away, turn = self._off_goal(request.start)
         if away <= END_DISTANCE and turn <= END_ANGLE:
             return PlannedRoute(arrived=True, detail="the robot is there already")
-        if request.present and self._rest_is_free():
+        if request.present and request.keep and self._rest_is_free():
             return PlannedRoute(values=request.present, detail="the rest of the route is free")
         if not self._floor.contains(self._goal):
             return PlannedRoute(detail="the goal lies outside of the map")
-        if not _fits(self._goal, self._clear, self._checked):
+        if not self._ground.fits(self._goal):
             return PlannedRoute(detail="something stands at the goal")
         nearness = 1.0 + NEARNESS * np.maximum(0.0, 1.0 - self._clear / BESIDE)
         slow = np.maximum(1.0, request.speed / self._floor.speed)
         self._cost = (self._floor.factor * nearness * slow).astype(np.float32)
-        to_go = self._cost_to_go(self._begun, self._goal)
+        to_go = self._cost_to_go(self._ground.begun, self._goal)
         found = self._from(self._start, to_go, [])
         if found is None and (back := self._back()):
             found = self._from(self._floor.local(back[-1]), to_go, back)
@@ -229,7 +210,7 @@ class _Planning:
         if to_go[row, column] > UNREACHABLE:
             self._reasons.append("no path leads there, however the robot turns")
             return None
-        begun, first_box = (self._clear, self._box) if back else (self._begun, self._first_box)
+        begun, first_box = (self._clear, self._box) if back else (self._ground.begun, self._ground.first_box)
         over_known, from_start = not back and self._over_known, None
         for each in self._tries(over_known=over_known):
             if not each.from_goal:
@@ -263,8 +244,8 @@ class _Planning:
         )  # fmt: skip
         self._expanded += expanded
         if why != FOUND:
-            among = "" if why == NO_WAY else f" among {MOST} poses"
-            self._reasons.append(f"no route was found{among} with a radius of {each.radius:.2f} m")
+            among = "" if why == NO_WAY else f" among {self._expanded} poses, down to"
+            self._reasons.append(f"no route was found{among or ' with'} a radius of {each.radius:.2f} m")
             return None
         return np.asarray(points)
 
@@ -283,7 +264,7 @@ class _Planning:
         for known in (True, False) if over_known else (False,):
             yield from (_Try(widest, *turn, known) for turn in BY_TURNS)
         for share in RADII[1:] if self._askew is None else ():
-            yield from (_Try(least * share, *turn) for turn in BY_TURNS)
+            yield from (_Try(least * share, *turn) for turn in NARROWER_TURNS)
 
     def _taken(self, points: Array, back: Sequence[Pose], radius: float) -> PlannedRoute | None:
         """A route that was found, fitted to the robot; None: then it is none."""
@@ -322,30 +303,17 @@ class _Planning:
         away, turn = self._off_goal(_end(route))
         if away > END_DISTANCE or turn > END_ANGLE:
             yield f"it ends {100 * away:.1f} cm and {math.degrees(turn):.1f} degrees from the goal"
-        driven, places = _places(route)
-        free = self._are_free(self._floor.local_poses(places), driven)
+        driven, poses = places(route, self._request.speed)
+        free = self._ground.are_free(self._floor.local_poses(poses), driven)
         blocked = driven[(driven >= CELL) & ~free]  # nearer: the robot is there
         if blocked.size:
             yield f"it is not free at {blocked[0]:.2f} m"
 
-    def _are_free(self, poses: Array, driven: Array) -> Cells:
-        """Whether the outline is free at poses of the floor, each after so far a drive."""
-        first = driven < FIRST + CELL
-        free = are_free(poses, self._clear, CELL, self._checked)
-        free[first] = are_free(poses[first], self._begun, CELL, self._first_checked)
-        return free
-
     def _rest_is_free(self) -> bool:
-        """Whether the present route is free from where the robot is: where it first comes by."""
+        """Whether the present route is free from where the robot is, and no faster than new zones want."""
         request = self._request
-        driven, places = _places(unpacked_route(request.present))
-        start, away = request.start, np.hypot(places[:, 0] - request.start.x, places[:, 1] - request.start.y)
-        turned = np.abs(wrapped(places[:, 2] - start.heading))
-        here = ((away < ON_ROUTE) & (turned < ALONG_ROUTE)).nonzero()[0][:1]
-        if not here.size:
-            return False
-        rest, left = self._floor.local_poses(places[here[0] + 1 :]), driven[here[0] + 1 :] - driven[here[0]]
-        return bool(self._are_free(rest, left).all())
+        present, before = PresentRoute(request.present, request.start, request.speed), request.before
+        return present.is_free(self._floor, self._ground) and (before is None or present.is_slow(self._floor, before))
 
     def _off_goal(self, pose: Pose) -> tuple[float, float]:
         """How far a pose is from the goal [m], and by how much it is turned [rad]."""
@@ -374,7 +342,7 @@ class _Planning:
             step = math.hypot(pose.x - back[-1].x, pose.y - back[-1].y)
             if step < CELL:
                 continue
-            if not _fits(self._floor.local(pose), self._begun, self._first_checked):
+            if not self._ground.fits_first(self._floor.local(pose)):
                 break
             back.append(pose)
             length += step

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
 from itertools import combinations
 from math import fsum
 from pathlib import PurePath
@@ -78,12 +80,37 @@ class MapZones(Config):
     places: dict[Annotated[str, Field(pattern="^[a-z0-9-]{1,64}$")], MapPose] = Field(default_factory=dict)
     """By name: small letters, digits and hyphens."""
 
+    @property
+    def says_zones(self) -> bool:
+        """Whether the file has the key `zones`, if only to say that there are none."""
+        return "zones" in self.model_fields_set
+
     @model_validator(mode="after")
     def _names(self) -> Self:
         names = [zone.name for zone in self.zones if zone.name is not None]
         if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
             raise ValueError(f"two zones are called {twice[0]!r}")
         return self
+
+
+def zone_line(zone: MapZone, corners: Sequence[Sequence[float]]) -> str:
+    """A zone on one line."""
+    name = f"name: {json.dumps(zone.name, ensure_ascii=False)}, " if zone.name is not None else ""
+    speed = f", speed_m_s: {zone.speed_m_s:g}" if zone.speed_m_s is not None else ""
+    points = ", ".join(f"[{in_digits(x)}, {in_digits(y)}]" for x, y in corners)
+    return f"{{{name}kind: {zone.kind}{speed}, corners: [{points}]}}"
+
+
+def in_digits(value: float) -> str:
+    """A coordinate [m], or an angle [degrees], to four decimals, however large it is."""
+    return f"{round(value, 4) + 0.0:.12g}"
+
+
+def zone_changes(before: MapZones, now: MapZones) -> str:
+    """Which zones are new, and which are no more, in words; empty: neither."""
+    new = [f"new {zone_line(zone, zone.corners)}" for zone in now.zones if zone not in before.zones]
+    gone = [f"no more {zone_line(zone, zone.corners)}" for zone in before.zones if zone not in now.zones]
+    return f"zones changed: {', '.join([*new, *gone])}" if new or gone else ""
 
 
 def zones_file(map_file: str) -> str:

@@ -64,7 +64,7 @@ class RoutePlanning:
             self._goal, self._job = goal, None
         if self._job is None:
             (job,) = shared.bring_up.jobs(JobKind.PLAN, [PLANNER], [shared.position.step])
-            present = route.kept_if_free
+            present = route.present
             self._job = replace(job, values=present if goal is None else (*packed_poses([goal]), *present))
             return replace(stand, jobs=(self._job,))
         result = next((each for each in snapshot.sensed.results if each.id == self._job.id), None)
@@ -79,17 +79,16 @@ class RoutePlanning:
         self._job, again, route.replanning = None, route.replanning, False
         if result.ok and not result.values:
             return replace(stand, over=True)
-        if again and result.values == route.planned:  # it is free again
-            route.replans -= 1
+        if again and result.values == route.planned:
+            route.replans -= result.ok  # it is free again; else there is no other one
             return replace(stand, event=Event.FOLLOW)
         if result.ok:
             route.drive(result.values)
             return replace(stand, event=Event.FOLLOW, done=0.0)
-        if again:
-            return replace(stand, event=Event.FOLLOW)
         if goal is None:
-            return replace(stand, outcome=NO_PATH)
+            return replace(stand, outcome=NO_PATH, phase=f"no route to {step.place}: {result.detail}")
         route.goal = None
+        route.drive(())
         self._refused, self._waited = f"no route to {place_words(goal)}: {result.detail}; ", 0.0
         return self._wait(step, stand, snapshot)
 

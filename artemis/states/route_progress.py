@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from msgspec import json
 
+from artemis.motion.planned_route import NOT_KEPT
 from artemis.values import Pose
 
 SAME_PLACE = 0.1
@@ -51,9 +52,11 @@ class RouteProgress:
         return self._stood[1] if abs(done - self._stood[0]) < SAME_PLACE else 0.0
 
     @property
-    def kept_if_free(self) -> tuple[int, ...]:
-        """The present route, if the robot looks for another one because something stands on it."""
-        return self.planned if self.replanning and not self.unseen else ()
+    def present(self) -> tuple[int, ...]:
+        """The present route, for a robot that looks for another one; after `NOT_KEPT` if that is to be another."""
+        if not self.replanning:
+            return ()
+        return (NOT_KEPT, *self.planned) if self.unseen else self.planned
 
     def replan(self, most: int, done: float, blocked: float, *, unseen: bool = False) -> bool:
         """Have another route planned for an obstacle, if that was done less than `most` times; whether it will be.

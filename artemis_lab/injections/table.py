@@ -55,6 +55,7 @@ NOT_INJECTED: dict[str, str] = {
     **{f"PTH-{number:02}": _FILE for number in range(1, 5)},
     "PTH-05": "a path begins where the robot stands",
     "PTH-10": "on virtual time nothing is planned or fitted in another process",
+    "PTH-11": "the files of a map are no part of the simulated world",
     **{f"MIS-{number:02}": _FILE for number in range(1, 8)},
     "PLG-01": "a plugin is made before a run",
     "PLG-07": "a plugin is never given the bus",

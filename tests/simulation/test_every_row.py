@@ -56,6 +56,7 @@ COVERED = {
     "PTH-04": "unit/test_path.py::test_gap_over_an_unreadable_point_is_not_blamed_on_the_next",
     "PTH-05": "simulation/test_plugins_misbehave.py::test_a_path_that_begins_too_far_away_is_not_begun",
     "PTH-10": "unit/test_mode_goto.py::test_a_planner_that_died_is_a_fault_and_never_an_outcome",
+    "PTH-11": "simulation/test_goto_missions.py::test_zones_that_are_gone_stop_the_robot_until_they_are_back",
     "MIS-01": "broken/test_broken_files.py::test_a_missing_mission_is_refused",
     "MIS-02": "broken/test_broken_files.py::test_a_broken_file_is_refused_as_its_first_lines_say",
     "MIS-03": "unit/test_mission.py::test_every_misspelt_key_is_named_with_the_right_one",

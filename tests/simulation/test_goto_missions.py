@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 import resuming
 from mcap.reader import make_reader
-from rig import CALIBRATE, MISSIONS, run, write_mission
+from rig import CALIBRATE, MISSIONS, Rig, Seen, run, write_mission
 
+from artemis.app import resumption_from
 from artemis.errors import ConfigError
 from artemis.mapping.map_file import map_files, write_bytes
 from artemis.mapping.occupancy import OccupancyMap
@@ -22,7 +23,9 @@ from artemis.mission.obstacles import Obstacles
 from artemis.mission.walking import walk
 from artemis.motion.planned_route import route_poses
 from artemis.planning import plan_for
-from artemis.values import JobKind
+from artemis.recording.mcap_reader import Recording
+from artemis.report.series import read_series
+from artemis.values import JobKind, Mode, Request
 from artemis_lab.bench.goals import drive
 from artemis_lab.bench.obstacle_scenes import robot_with_scanner
 from artemis_lab.commands.bench_goto import problem
@@ -158,6 +161,48 @@ def test_a_walk_knows_how_it_may_end(tmp_path: Path) -> None:
     assert walk(path, "done").at == "goto gate"
 
 
+def test_zones_that_are_gone_stop_the_robot_until_they_are_back(tmp_path: Path) -> None:
+    path, beside = mission(tmp_path), tmp_path / "floor.zones.yaml"
+    words = json.loads(path.read_text())
+    words["simulation"]["operator"] = [{"at_s": 60.0, "do": "acknowledge"}]
+    path.write_text(json.dumps(words))
+    rig = Rig(path, longest=90.0)
+    beside.unlink()
+
+    def stopped(seen: Seen) -> bool:
+        return seen.mode is Mode.QUICKSTOP
+
+    def bring_back() -> None:
+        beside.write_text(ZONES)
+
+    rig.when(stopped, bring_back, after=1.0, name="bring back")
+    rig.when(stopped, rig.request(Request.ACKNOWLEDGE), after=2.0, name="acknowledge")
+    rig.when(stopped, rig.request(Request.ARM), after=3.0, name="arm")
+    seen = rig.run()
+    assert seen.status == 0
+    assert set(seen.fault_ids) == {"PTH-11"}
+    (told,) = {fault.text for tick in seen.ticks for fault in tick.snapshot.verdict.faults}
+    assert "floor.zones.yaml: is not there any more, and had 1 when it was read last" in told
+    assert seen.recompute().difference is None
+
+
+def test_a_zone_that_is_drawn_where_the_robot_is_to_go_ends_the_step_with_the_reason(tmp_path: Path) -> None:
+    path, beside = mission(tmp_path), tmp_path / "floor.zones.yaml"
+    rig = Rig(path)
+    zone = "{kind: keep-out, corners: [[2, 0], [2.2, 0], [2.2, 3], [2, 3]]}"
+    beside.write_text(ZONES.replace("zones: [", f"zones: [{zone}, "))
+    seen = rig.run()
+    assert seen.status == 1
+    assert seen.ticks[-1].position.ended == "no-path"
+    assert any(tick.wish.phase.startswith("no route to gate: ") for tick in seen.ticks)
+    assert seen.outcome is not None
+    found = read_series(Recording(seen.outcome.run.path)).mission.failure
+    assert (
+        "ended with no-path (no route to gate: no path leads there, however the robot turns; zones changed: new {"
+        in found
+    )
+
+
 def test_drives_to_a_place_and_replays_bit_for_bit(tmp_path: Path) -> None:
     seen = run(mission(tmp_path))
 
@@ -188,6 +233,28 @@ def test_a_goto_that_was_interrupted_is_planned_anew_from_where_it_stands(tmp_pa
     start = route_poses(results[0].values)[0]
     assert 0.7 < start.x - 0.8 < 1.3
     assert abs(start.y - 0.8) < 0.05
+
+
+def test_a_run_is_resumed_with_the_zones_of_now_unless_its_goal_has_moved(tmp_path: Path) -> None:
+    path, beside = mission(tmp_path), tmp_path / "floor.zones.yaml"
+    run = resuming.run(path, until=lambda tick: tick.mode is Mode.FOLLOW).folder
+
+    def notes() -> list[str]:
+        return resumption_from(load_mission(path), path, run)[1]
+
+    assert notes() == []
+    wet = '{name: "wet", kind: keep-out, corners: [[1, 2], [2, 2], [2, 2.2]]}'
+    beside.write_text(ZONES.replace("zones: [", f"zones: [{wet}, "))
+    assert notes() == [f"floor.zones.yaml: zones changed: new {wet}"]
+    for changed, why in (
+        (ZONES.replace("x_m: 2.5", "x_m: 2.4"), "the place gate is not where it was"),
+        (ZONES[ZONES.index("places:") :], "has no zones any more, and had 1"),
+    ):
+        beside.write_text(changed)
+        with pytest.raises(ConfigError, match=why):
+            notes()
+    beside.write_text(ZONES.replace("x_m: 3.2", "x_m: 3.3"))
+    assert notes() == [], "no step leads to the crane"
 
 
 @pytest.mark.exhaustive

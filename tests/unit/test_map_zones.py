@@ -12,10 +12,24 @@ from map_command import call, refused
 from artemis.commands.map_zones import ZoneEdits, edited_zones, zones_of
 from artemis.errors import ConfigError
 from artemis.mapping.occupancy import OccupancyMap
+from artemis.mission.loading import load_mission
+from artemis.mission.zones import without_zones
+from artemis.route_planning import planner
 from artemis.route_planning.floor import floor_from
+from artemis.route_planning.planner import PlannedRoute, RouteRequest, plan_route
 from artemis.route_planning.zones import MapZone
 from artemis.yaml_edit import with_line, without_line
 
+MISSION = """
+mission: defaults
+robot: robots/ROBOT
+bus: simulation
+steps:
+  - calibrate: {steering: from_potentiometers}
+  - goto: {map: workshop.yaml, to: store}
+simulation:
+  localizer: {plugin: simulated_tracker}
+"""
 MISSIONS = Path(__file__).parents[2] / "missions"
 ROBOT = MISSIONS / "robots" / "artemis_lms100.yaml"
 
@@ -39,6 +53,34 @@ def test_zones_and_places_are_added_and_removed_in_place(workshop: Path) -> None
     assert "place       desk: x 2 m, y 2 m, 90 degrees" in told
     text = workshop.with_name("workshop.zones.yaml").read_text()
     assert text.startswith("# Zones and places of the workshop, in the frame of its map.\nzones:\n")
+
+
+def test_zones_are_removed_by_their_numbers_in_the_file_as_it_is(workshop: Path) -> None:
+    call("edit", workshop, "--remove-zone", "1", "--remove-zone", "2", "--remove-zone", "doors")
+    assert [zone.name for zone in zones_of(workshop).zones] == ["lane"]
+
+
+def test_a_name_that_is_the_number_of_another_zone_is_refused(workshop: Path) -> None:
+    beside = workshop.with_name("workshop.zones.yaml")
+    beside.write_text(beside.read_text().replace("name: lane", "name: '2'"))
+    assert "2 is the name of zone 3, and the number of another" in refused("edit", workshop, "--remove-zone", "2")
+    call("edit", workshop, "--remove-zone", "3")
+    assert [zone.name for zone in zones_of(workshop).zones] == ["under-the-crane", "doors"]
+    assert without_zones(b"zones:\n  - {name: '1', kind: prefer, corners: [[0, 0], [1, 0], [1, 1]]}\n", "h", ["1", 1])
+
+
+def test_surveyed_coordinates_are_kept_to_a_tenth_of_a_millimetre(workshop: Path, tmp_path: Path) -> None:
+    corners = "564321.1234,934567.25,564331.5,934567.25,564331.5,934577.8765"
+    told = call("edit", workshop, "--zone", f"k=keep-out:{corners}", "--place", "desk=564321.12345,934567.25,0.1234")
+    assert "564321.1234 934567.25, 564331.5 934567.25, 564331.5 934577.8765" in told
+    known = zones_of(workshop)
+    assert known.zones[-1].corners[0] == (564321.1234, 934567.25)
+    assert (known.places["desk"].x_m, known.places["desk"].heading_deg) == (564321.1234, 0.1234)
+    assert "desk: x 564321.1234 m, y 934567.25 m" in told
+    call("edit", workshop, "-o", tmp_path / "turned.yaml", "--rotate", "180")
+    turned = zones_of(tmp_path / "turned.yaml")
+    assert turned.zones[-1].corners[0] == (-564321.1234, -934567.25)
+    assert turned.places["desk"].x_m == -564321.1234
 
 
 def test_a_file_is_begun_and_emptied(workshop: Path) -> None:
@@ -152,9 +194,35 @@ def test_lines_come_and_go_and_leave_the_others_as_they_were() -> None:
 def test_a_route_is_planned_told_and_drawn(workshop: Path, tmp_path: Path) -> None:
     figure = tmp_path / "route.png"
     told = call("show", workshop, "--from", "1,1.5,0", "--to", "store", "--robot", ROBOT, "-o", figure)
-    assert "route       7.0 m, 0 reversals" in told
+    assert "route       7.0 m, 0 reversals, 10 cm around the outline" in told
     assert "zone        2 doors: slow 0.25 m/s" in told
     assert figure.stat().st_size > 10_000
+
+
+def test_a_route_is_planned_as_a_step_with_the_defaults_plans_it(
+    workshop: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[RouteRequest] = []
+
+    def plan(request: RouteRequest) -> PlannedRoute:
+        asked.append(request)
+        return plan_route(request)
+
+    monkeypatch.setattr(planner, "plan_route", plan)
+    mission = workshop.with_name("goto.yaml")
+    shutil.copytree(ROBOT.parent, workshop.with_name("robots"))
+    mission.write_text(MISSION)
+    for robot in (ROBOT.name, "bare.yaml"):
+        file = workshop.with_name("robots") / robot
+        text = (workshop.with_name("robots") / ROBOT.name).read_text()
+        file.write_text(text if robot == ROBOT.name else text[: text.index("scanners:")])
+        mission.write_text(MISSION.replace("ROBOT", robot))
+        call("show", workshop, "--from", "1,1.5,0", "--to", "store", "--robot", file)
+        (step,) = load_mission(mission).destinations.values()
+        shown = asked[-1]
+        assert (shown.margin, shown.known_behind, shown.speed) == (step.margin, step.known_behind, step.speed)
+        assert shown.goal == step.goal
+    assert [request.margin for request in asked] == [0.1, 0.05]
 
 
 def test_a_route_that_cannot_be_is_refused(workshop: Path) -> None:
@@ -163,5 +231,6 @@ def test_a_route_that_cannot_be_is_refused(workshop: Path) -> None:
 
     assert "--from chager: no such place; nearest is 'charger'" in route("chager", "store")
     assert "--to 3,3.5,0: the robot cannot stand there" in route("store", "3,3.5,0")
+    assert "within its outline and 10 cm is a wall" in route("1,1.5,0", "7.0,0.37,0")
     assert "for the robot's outline: it has none" in route("store", "bench", MISSIONS / "robots" / "artemis.yaml")
     assert "needs all of --from, --to and --robot" in refused("show", workshop, "--from", "store")

@@ -8,7 +8,7 @@ import numpy as np
 from core_builders import PERIOD, ROBOT, StubFollower, fault_of, shared, snapshot
 from msgspec.structs import replace
 
-from artemis.motion.planned_route import PLANNER, packed_route, planned_route
+from artemis.motion.planned_route import NOT_KEPT, PLANNER, packed_route, planned_route
 from artemis.progress import BLOCKED, NO_PATH
 from artemis.scan import Clearance, ObstacleRules
 from artemis.states.blocked import REPLAN_AFTER, held_up
@@ -17,7 +17,17 @@ from artemis.states.goto import take_goal
 from artemis.states.plan import FollowStep, GotoStep, Shared, WaitStep
 from artemis.states.ready import ReadyMode
 from artemis.states.route_progress import RouteProgress
-from artemis.values import Event, JobKind, JobResult, LocatedPose, Mode, OperatorInput, Pose, SetPoints, Wish
+from artemis.values import (
+    Event,
+    JobKind,
+    JobResult,
+    LocatedPose,
+    Mode,
+    OperatorInput,
+    Pose,
+    SetPoints,
+    Wish,
+)
 
 X = np.linspace(0.0, 2.0, 41)
 VALUES = packed_route(planned_route(np.column_stack([X, 0 * X, np.full(41, 0.4)]), ROBOT, 0.4))
@@ -43,10 +53,10 @@ class Standing:
         self.shared.advance(wish, seen, standing=True)
         return wish
 
-    def planned(self, values: tuple[int, ...], *, ok: bool = True) -> Wish:
+    def planned(self, values: tuple[int, ...], *, ok: bool = True, detail: str = "") -> Wish:
         """Order a route, and get it."""
         (job,) = self.tick().jobs
-        return self.tick(JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=ok, values=values))
+        return self.tick(JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=ok, values=values, detail=detail))
 
 
 def test_a_route_is_ordered_once_and_driven_when_it_is_there() -> None:
@@ -62,7 +72,8 @@ def test_a_route_is_ordered_once_and_driven_when_it_is_there() -> None:
 
 def test_a_robot_that_is_there_is_done_and_one_without_a_route_says_so() -> None:
     assert Standing().planned(()).over
-    assert Standing().planned((), ok=False).outcome == NO_PATH
+    refused = Standing().planned((), ok=False, detail="no path leads there")
+    assert (refused.outcome, refused.phase) == (NO_PATH, "no route to gate: no path leads there")
 
 
 def test_a_lost_pose_is_a_fault_and_nothing_is_ordered() -> None:
@@ -85,9 +96,31 @@ def test_where_no_other_route_leads_it_drives_on_along_the_one_it_has() -> None:
     robot.planned(VALUES)
     assert robot.shared.route.replan(3, 0.5, 2.5)
     robot.mode.enter(snapshot(robot.time))
-    wish = robot.planned((), ok=False)
+    wish = robot.planned((*VALUES,), ok=False)
     assert (wish.event, wish.outcome, robot.shared.route.planned) == (Event.FOLLOW, "", VALUES)
-    assert not robot.shared.route.replanning
+    assert (robot.shared.route.replanning, robot.shared.route.replans) == (False, 1)
+
+
+def test_a_route_that_the_planner_does_not_give_back_is_not_driven_on() -> None:
+    robot = Standing()
+    robot.planned(VALUES)
+    assert robot.shared.route.replan(3, 0.5, 2.5)
+    robot.mode.enter(snapshot(robot.time))
+    wish = robot.planned((), ok=False, detail="a zone that is new is in the way")
+    assert (wish.event, wish.outcome) == (None, NO_PATH)
+    assert wish.phase == "no route to gate: a zone that is new is in the way"
+
+
+def test_with_a_given_goal_such_a_route_is_forgotten_and_another_goal_waited_for() -> None:
+    robot = Standing(step(asks="stick"))
+    goal = OperatorInput(source="stick", age=0.0, goal=Pose(x=1.0))
+    take_goal(robot.shared, snapshot(0.0, inputs=(goal,)))
+    robot.planned(VALUES)
+    assert robot.shared.route.replan(3, 0.5, 2.5)
+    robot.mode.enter(snapshot(robot.time))
+    wish = robot.planned((), ok=False, detail="a zone that is new is in the way")
+    assert (wish.event, wish.outcome, robot.shared.route.planned, robot.shared.route.goal) == (None, "", (), None)
+    assert "a zone that is new is in the way; waiting" in wish.phase
 
 
 def test_a_route_that_is_free_again_is_gone_on_with_and_uses_up_no_other_one() -> None:
@@ -163,7 +196,7 @@ def test_where_ground_was_not_seen_another_route_is_planned_once_and_nothing_wai
     assert "the ground ahead was not seen" in rolling.fault.text
     asked = blocked(steps, 0.1, unseen=True)
     assert (asked.event, asked.outcome, steps.route.replanning) == (Event.DONE, "", True)
-    assert steps.route.kept_if_free == (), "the present route leads over unseen ground, however free it is"
+    assert steps.route.present == (NOT_KEPT, *VALUES), "it leads over unseen ground, however free it is"
     ended = blocked(steps, 0.1, unseen=True)
     assert (fault_of(ended)[0], ended.outcome) == ("LAS-08", BLOCKED), "also where it never moved, somebody is told why"
 
@@ -173,9 +206,9 @@ def test_where_the_robot_waited_for_an_obstacle_unseen_ground_has_another_route_
     steps.route.planned = VALUES
 
     assert blocked(steps, REPLAN_AFTER).event is Event.DONE
-    assert steps.route.kept_if_free == VALUES
+    assert steps.route.present == VALUES
     asked = blocked(steps, 0.1, unseen=True)
-    assert (asked.event, asked.outcome, steps.route.kept_if_free) == (Event.DONE, "", ())
+    assert (asked.event, asked.outcome, steps.route.present[:1]) == (Event.DONE, "", (NOT_KEPT,))
     assert blocked(steps, 0.1, unseen=True).outcome == BLOCKED
 
 

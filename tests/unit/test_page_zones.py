@@ -13,15 +13,14 @@ import pytest
 
 from artemis.bridges.page.port import PagePort
 from artemis.bridges.page.session import ZoneChange
+from artemis.clock import SimulatedLoop
 from artemis.errors import ArtemisError
-from artemis.mapping.occupancy import OccupancyMap
 from artemis.mission.loading import load_mission
-from artemis.mission.zones import HEAD, with_zone, zoned_floor, zones_in
+from artemis.mission.zones import HEAD, with_zone, zones_in
 from artemis.motion.planned_route import PLANNER
 from artemis.page.hub import Hub
 from artemis.page.zones import ZoneFiles
 from artemis.route_planning.device import RoutePlanner
-from artemis.route_planning.floor import Floor
 from artemis.route_planning.zones import MapZone
 from artemis.values import Job, JobKind, JobResult, Pose
 
@@ -128,7 +127,9 @@ def test_the_hub_changes_zones_beside_its_loop_and_tells_all_pages(folder: Path)
 
 def planned(planner: RoutePlanner) -> JobResult:
     step = next(iter(planner._destinations))
-    return asyncio.run(planner.perform(Job(id=1, kind=JobKind.PLAN, drive=PLANNER, value=step)))
+    job = Job(id=1, kind=JobKind.PLAN, drive=PLANNER, value=step)
+    with asyncio.Runner(loop_factory=SimulatedLoop) as runner:
+        return runner.run(planner.perform(job))
 
 
 @pytest.mark.slow
@@ -136,25 +137,19 @@ def test_the_next_plan_heeds_a_zone_that_was_drawn_and_refuses_a_file_that_is_wr
     for name in ("goto_workshop.yaml", "robots"):
         (shutil.copytree if (MISSIONS / name).is_dir() else shutil.copy)(MISSIONS / name, folder / name)
     loaded = load_mission(folder / "goto_workshop.yaml")
-    asked: list[Path] = []
-
-    def noted(content: OccupancyMap, beside: Path, raw: bytes) -> Floor | str:
-        asked.append(beside)
-        return zoned_floor(content, beside, raw)
-
-    planner = RoutePlanner(loaded.robot, loaded.destinations, noted, virtual=True)
+    planner = RoutePlanner(loaded.robot, loaded.destinations, zones_in, virtual=True)
     planner._pose = Pose(x=1.0, y=1.5)
     first = planned(planner)
-    assert (first.ok, asked) == (True, []), "the floor of the check is used"
+    assert first.ok
     files = ZoneFiles(folder, STEPS)
     files.change(change(files, name="closed", corners=((7.0, 0.5), (9.0, 0.5), (9.0, 3.0), (7.0, 3.0))))
     shut = planned(planner)
-    assert not shut.ok, "the store lies in it"
-    planned(planner)
-    assert len(asked) == 1, "made once"
+    assert (shut.ok, shut.fault) == (False, ""), "the store lies in it"
+    assert 'zones changed: new {name: "closed", kind: keep-out, corners: [[7, 0.5], [9, 0.5]' in shut.detail
+    assert "zones changed" not in planned(planner).detail
     (folder / "maps/workshop.zones.yaml").write_text("zones: 3\n")
     wrong = planned(planner)
-    assert (wrong.ok, "workshop.zones.yaml:1" in wrong.detail) == (False, True)
+    assert (wrong.ok, wrong.fault, "workshop.zones.yaml:1" in wrong.detail) == (False, "PTH-11", True)
     files_again = (MISSIONS / "maps/workshop.zones.yaml").read_bytes()
     (folder / "maps/workshop.zones.yaml").write_bytes(files_again)
     assert planned(planner).values == first.values

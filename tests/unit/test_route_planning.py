@@ -16,6 +16,7 @@ from scipy.ndimage import distance_transform_edt  # scipy has no types
 
 from artemis.mapping.occupancy import OccupancyMap
 from artemis.mission.loading import load_model
+from artemis.motion.arrays import Array
 from artemis.motion.planned_route import unpacked_route
 from artemis.mounting import Outline
 from artemis.route_planning import planner
@@ -24,7 +25,7 @@ from artemis.route_planning.device import warm_up
 from artemis.route_planning.floor import CELL, Floor, clearance, floor_from, goal_problem, resampled
 from artemis.route_planning.obstacle_layer import PlacedScan, known_ground, placed_returns, sees_behind, standing
 from artemis.route_planning.planner import PlannedRoute, RouteRequest, plan_route
-from artemis.route_planning.search import MOST_BACK
+from artemis.route_planning.search import MOST_BACK, TOO_LONG
 from artemis.route_planning.zones import MapZone
 from artemis.scan import Scan
 from artemis.values import Pose
@@ -112,6 +113,20 @@ def test_a_goal_that_is_hard_to_get_into_is_sought_from_there() -> None:
     assert min(room(on.occupied, pose) for pose in poses) >= 0.05
     assert math.hypot(poses[0].x - start.x, poses[0].y - start.y) <= 0.01
     assert math.hypot(poses[-1].x - goal.x, poses[-1].y - goal.y) <= 0.03
+
+
+@pytest.mark.parametrize(("known_behind", "most"), [(None, 26_000), (0.13, 42_000)])
+def test_a_plan_that_fails_searches_so_many_poses_and_says_so(
+    monkeypatch: pytest.MonkeyPatch, known_behind: float | None, most: int
+) -> None:
+    def search(*given: object) -> tuple[Array, int, int]:
+        assert isinstance(given[13], int)
+        return np.empty((0, 4)), TOO_LONG, given[13]
+
+    monkeypatch.setattr(planner, "search", search)
+    found = planned(floor(), known_behind=known_behind)
+    assert (found.values, found.expanded) == ((), most)
+    assert found.detail == f"no route was found among {most} poses, down to a radius of 0.34 m"
 
 
 @pytest.mark.parametrize(
@@ -212,6 +227,50 @@ def test_a_route_that_is_free_again_is_kept_and_one_that_is_not_is_planned_anew(
     assert planned(on, start=under_way, present=present, placed_scans=stood).values != present
     beside = planned(on, start=Pose(x=1.0, y=1.4), present=present)
     assert beside.values != present  # somebody has moved the robot
+
+
+def around(x0: float, x1: float, **keys: object) -> MapZone:
+    """A zone across the whole room."""
+    corners = ((x0, 0.0), (x1, 0.0), (x1, 3.0), (x0, 3.0))
+    return MapZone.model_validate({"kind": "keep-out", "corners": corners, **keys})
+
+
+def blocked(on: Floor, present: tuple[int, ...], **keys: object) -> PlannedRoute:
+    """Where something stands all across the way of a robot that is under way; before: the floor without zones."""
+    seen = tuple(seen_at(1.5, 0.5 * number, 120) for number in range(6))
+    return planned(on, start=Pose(x=1.0, y=1.0), present=present, placed_scans=seen, **keys)
+
+
+def test_where_something_stands_in_the_only_way_the_present_route_is_given_back() -> None:
+    walled = floor((0.05, 1.6, 5.0, 2.9))
+    present = planned(walled).values
+    for keep in (True, False):
+        found = blocked(walled, present, keep=keep)
+        assert (found.values, found.only_present) == (present, True)
+        assert found.detail
+
+
+def test_a_zone_that_is_new_on_the_only_way_takes_the_present_route() -> None:
+    boxes = (0.05, 1.6, 5.0, 2.9)
+    walled, shut = floor(boxes), floor(boxes, zones=(around(3.0, 3.2),))
+    present = planned(walled).values
+    for keep in (True, False):
+        found = blocked(shut, present, before=walled, keep=keep)
+        assert (found.values, found.only_present) == ((), False)
+        assert found.detail.endswith("a zone that is new is in the way of the present one")
+    beside = floor(boxes, zones=(around(4.95, 5.0),))
+    assert blocked(beside, present, before=walled).values == present, "it touches nothing that is new"
+    slow = floor(boxes, zones=(around(3.0, 3.2, kind="slow", speed_m_s=0.1),))
+    assert blocked(slow, present, before=walled).values == ()
+    assert blocked(slow, present, before=slow).values == present
+
+
+def test_a_route_that_is_free_but_too_fast_for_a_new_zone_is_planned_anew() -> None:
+    on, slow = floor(), floor(zones=(around(2.0, 3.0, kind="slow", speed_m_s=0.1),))
+    present, under_way = planned(on).values, Pose(x=1.0, y=1.0)
+    assert planned(slow, start=under_way, present=present, before=on).values not in ((), present)
+    fast = floor(zones=(around(2.0, 3.0, kind="slow", speed_m_s=0.8),))
+    assert planned(fast, start=under_way, present=present, before=on).values == present
 
 
 def test_goals_are_refused_in_walls_and_outside() -> None:

@@ -245,4 +245,12 @@ SURROUNDINGS: dict[str, Row] = {
         "the process that plans routes and fits paths has ended",
         "is this computer's memory full? the system ends what takes too much; acknowledge, and it is started again",
     ),
+    "PTH-11": Row(
+        "zones unknown",
+        Found.MODE,
+        S2,
+        K,
+        "the zones of the map are not known, and no route is planned without them",
+        "the message names the file and what is wrong in it; correct it and acknowledge: the route is planned then",
+    ),
 }
