@@ -235,10 +235,11 @@ def around(x0: float, x1: float, **keys: object) -> MapZone:
     return MapZone.model_validate({"kind": "keep-out", "corners": corners, **keys})
 
 
-def blocked(on: Floor, present: tuple[int, ...], **keys: object) -> PlannedRoute:
+def blocked(on: Floor, present: tuple[int, ...], *, keep: bool = True, before: Floor | None = None) -> PlannedRoute:
     """Where something stands all across the way of a robot that is under way; before: the floor without zones."""
     seen = tuple(seen_at(1.5, 0.5 * number, 120) for number in range(6))
-    return planned(on, start=Pose(x=1.0, y=1.0), present=present, placed_scans=seen, **keys)
+    under_way = Pose(x=1.0, y=1.0)
+    return planned(on, start=under_way, present=present, placed_scans=seen, keep=keep, before=before)
 
 
 def test_where_something_stands_in_the_only_way_the_present_route_is_given_back() -> None:
