@@ -62,6 +62,10 @@ class ObstacleRules(Struct, frozen=True, kw_only=True, gc=False):
     unseen_reverse: bool = False  # it may drive backwards over ground that it has not seen
 
 
+USUAL = ObstacleRules()
+"""A robot that keeps more distance than by these looks so much farther."""
+
+
 class Clearance(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """What the scanners leave to the robot on the arcs that it may drive now."""
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
-from math import hypot, inf
-from typing import TypeVar
+from collections.abc import Callable, Iterator
+from math import ceil, hypot, inf, radians
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,100 +14,139 @@ from artemis.motion.angles import difference
 from artemis.motion.arrays import Array
 from artemis.values import Pose
 
-CAME, LEFT_AT = 150.0, 160.0
-"""It was seen to come nearer by so much, and last no farther beyond the least range [mm]: who walks at 2 m/s covers
-this in two periods of a scanner that turns 25 times a second. What stands, and is hidden by noise now and then, does
-not come nearer by so much."""
-STAYS, BEGINS = 0.1, 0.08
-"""To a scanner that has moved no farther [m] what stands comes nearer by less; it begins with what it saw from places
-so near to where it is [m], as at the end of braking."""
+CAME = 150.0
+"""A thing has come nearer once a beam shows it nearer than it showed anything before by so much [mm]."""
+WALK, GAPS, LEAST_GAP = 2000.0, 2.0, 0.04
+"""It was seen last where somebody who walks so fast [mm/s] may be so many times between two scans before that;
+that time is at least so long [s]."""
+STANDS, STAYS, BEGINS = 0.01, 0.1, 0.08
+"""While the scanner has moved no farther than the first [m] another thing in a beam is there because it moved; up to
+the second it is only where nothing was before: edges of what stands go through the beams of a robot that moves. It
+begins with what it saw from places no farther than the last from where it is [m], as at the end of braking."""
 BRAKING = 30
 """The last scans that are looked at then."""
-FEWEST = 5
-"""So many neighbouring beams lose it together; fewer are dust, or an edge."""
+FEWEST, WIDTH = 5, radians(2.5)
+"""So many neighbouring beams lose it together, and together they are so wide; fewer are dust, or an edge."""
 
-_Seen = tuple[Array, NDArray[np.bool_], Pose]
+
+Indices = NDArray[np.int64]
+
+
+class Seen(NamedTuple):
+    """A scan."""
+
+    ranges: Array
+    """Of all beams [mm]; 0: no return."""
+    shown: NDArray[np.bool_]
+    """Which are returns of something that is no part of the robot, and no nearer than the least range."""
+    pose: Pose
+    """Of the robot, in the frame of the odometry."""
+    time: float
+    """Of the first beam [s]."""
+
+
+WasFree = Callable[[Seen, Indices, Array], NDArray[np.bool_]]
+"""Whether nothing was by a scan where some beams end now: numbers of the beams, and their ranges [mm]."""
 _T = TypeVar("_T", np.float64, np.bool_)
 
 
 class Approaches:
     """Of each beam: the farthest and the last return since the scanner is about where it is."""
 
-    def __init__(self, least: float, lever: float) -> None:
+    def __init__(self, least: float, lever: float, was_free: WasFree) -> None:
         """Begin: nothing comes.
 
         Args:
             least: range below which the scanner need not report anything [mm].
             lever: how far from the rear axle it is mounted [m].
+            was_free: compares two scans, by the odometry.
         """
-        self._least, self._lever = least, lever
+        self._least, self._lever, self._was_free = least, lever, was_free
         self.forget()
 
     def forget(self) -> None:
         """As if nothing had been seen."""
-        self._before: deque[_Seen] = deque(maxlen=BRAKING)
-        self._from, self._turned = Pose(x=inf), 0
+        self._before: deque[Seen] = deque(maxlen=BRAKING)
+        self._from = self._stood = Pose(x=inf)
+        self._time, self._turned = -inf, 0
         self._begin(0)
 
     def _begin(self, beams: int) -> None:
-        self._farthest, self._last = np.zeros(beams), np.zeros(beams)
-        self._shown, self._came = np.zeros(beams, np.bool_), np.zeros(beams, np.bool_)
+        self._farthest, self._standing, self._last = np.zeros(beams), np.zeros(beams), np.zeros(beams)
+        self._shown, self.came = np.zeros(beams, np.bool_), np.zeros(beams, np.bool_)
 
-    def note(self, ranges: Array, near: NDArray[np.bool_], pose: Pose) -> None:
-        """Keep a scan of a robot that drives, as in `take`: it counts once the robot is slow enough."""
-        self._before.append((ranges, near, pose))
+    def note(self, seen: Seen) -> None:
+        """Keep a scan of a robot that drives: it counts once the robot is slow enough."""
+        self._before.append(seen)
         self._from = Pose(x=inf)
 
-    def take(self, ranges: Array, near: NDArray[np.bool_], pose: Pose, increment: float) -> NDArray[np.bool_]:
-        """Take a new scan of a robot that stands, or nearly.
+    def take(self, seen: Seen, increment: float) -> NDArray[np.bool_]:
+        """Take a new scan of a robot that stands, or nearly; beams lie `increment` apart [rad].
 
-        Args:
-            ranges: of all beams [mm].
-            near: which of them are returns of something nearby.
-            pose: of the robot, in the frame of the odometry.
-            increment: from one beam to the next [rad].
+        `came` is then: the beams in which something is nearer than the least range that has come there, and shows
+        itself no more: where it was seen last, and from there on all beams that it hides from what they showed before.
 
         Returns:
-            Beams in which something is nearer than the least range that has come there, and shows itself no more:
-            where it was seen last, and from there on to all beams that it hides from what they showed before.
+            Beams of which that was so until now, and which show that it went away.
         """
-        self._before.append((ranges, near, pose))
-        if self._moved(self._from, pose) > STAYS or self._last.size != ranges.size:
-            self._begin(ranges.size)
-            seen = [it for it in self._before if self._moved(it[2], pose) <= BEGINS and it[0].size == ranges.size]
-            self._from, self._turned = seen[0][2], 0
-            for scan in seen:
-                self._add(*scan, increment)
+        self._before.append(seen)
+        if self._moved(self._from, seen.pose) > STAYS or self._last.size != seen.ranges.size:
+            self._begin(seen.ranges.size)
+            near = [
+                it
+                for it in self._before
+                if self._moved(it.pose, seen.pose) <= BEGINS and it.ranges.size == self._last.size
+            ]
+            self._from = self._stood = near[0].pose
+            self._time, self._turned = near[0].time, 0
+            for scan in near:
+                self._add(scan, increment)
         else:
-            self._add(ranges, near, pose, increment)
-        self._came = self._found(ranges == 0.0)
-        return self._came
+            self._add(seen, increment)
+        before, self.came = self.came, self._found(seen.ranges == 0.0, increment)
+        return self._gone(before, seen.shown)
 
     def _moved(self, begin: Pose, end: Pose) -> float:
         """How far the scanner may have, at most [m]."""
         return hypot(end.x - begin.x, end.y - begin.y) + self._lever * abs(difference(end.heading, begin.heading))
 
-    def _add(self, ranges: Array, near: NDArray[np.bool_], pose: Pose, increment: float) -> None:
-        shown = ranges >= self._least
-        near = near & shown
+    def _add(self, seen: Seen, increment: float) -> None:
+        ranges, shown, pose, time = seen
         if (turned := round(difference(pose.heading, self._from.heading) / increment)) != self._turned:
             by, self._turned = self._turned - turned, turned
-            self._farthest, self._last = _shifted(self._farthest, by), _shifted(self._last, by)
-            self._shown, self._came = _shifted(self._shown, by), _shifted(self._came, by)
-        self._farthest, self._shown = np.maximum(self._farthest, ranges * near), self._shown | shown
-        self._last[near] = ranges[near]
+            self._farthest, self._standing = _shifted(self._farthest, by), _shifted(self._standing, by)
+            self._last = _shifted(self._last, by)
+            self._shown, self.came = _shifted(self._shown, by), _shifted(self.came, by)
+        if self._moved(self._stood, pose) > STANDS:
+            self._stood, self._standing = pose, np.zeros(ranges.size)
+        told = ranges * shown
+        self._farthest, self._standing = np.maximum(self._farthest, told), np.maximum(self._standing, told)
+        self._shown = self._shown | shown
+        self._last = np.where(shown, told, self._last)
+        self._reach, self._time = self._least + WALK * GAPS * max(time - self._time, LEAST_GAP), time
 
-    def _found(self, empty: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        near = (self._last > 0.0) & (self._last < self._least + LEFT_AT)
-        came = empty & near & (self._farthest > self._last + CAME)
-        if not (came.any() or self._came.any()):
+    def _found(self, empty: NDArray[np.bool_], increment: float) -> NDArray[np.bool_]:
+        near = empty & (self._last > 0.0) & (self._last < self._reach)
+        came = near & (self._standing > self._last + CAME)
+        perhaps = (near & (self._farthest > self._last + CAME) & ~came).nonzero()[0]
+        if perhaps.size:
+            came[perhaps] = self._was_free(self._before[0], perhaps, self._last[perhaps])
+        if not (came.any() or self.came.any()):
             return came
-        found = np.zeros_like(came)
+        found, fewest = np.zeros_like(came), max(FEWEST, ceil(WIDTH / abs(increment)))
         for first, end in _runs(came):
-            found[first:end] = end - first >= FEWEST
+            found[first:end] = end - first >= fewest
         for first, end in _runs(empty & self._shown):
-            found[first:end] |= self._came[max(first - FEWEST, 0) : end + FEWEST].any()
+            found[first:end] |= self.came[max(first - fewest, 0) : end + fewest].any()
         return found
+
+    def _gone(self, before: NDArray[np.bool_], shown: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Runs of beams in which something had come, and of which most show something again."""
+        gone = np.zeros_like(before)
+        for first, end in _runs(before):
+            gone[first:end] = 2 * np.count_nonzero(shown[first:end]) > end - first
+        self.came &= ~gone
+        return gone
 
 
 def _shifted(beams: NDArray[_T], places: int) -> NDArray[_T]:

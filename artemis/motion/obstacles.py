@@ -15,7 +15,7 @@ from artemis.motion.beams import LOST
 from artemis.motion.ground import Ground
 from artemis.motion.sweep import Rectangle, free_distances, stopping_speed
 from artemis.motion.view import View
-from artemis.scan import Clearance, ObstacleRules
+from artemis.scan import USUAL, Clearance, ObstacleRules
 from artemis.values import SetPoints, Snapshot, Wish
 from artemis.vehicle import RobotFile
 
@@ -39,8 +39,6 @@ BLOCKED_SPEED, BLOCKED_TIME = 0.05, 0.06
 free again."""
 SPARE = 0.2
 """The robot looks so much farther than it needs to stop [m]: for the distance that it keeps, and for late scans."""
-USUAL = ObstacleRules()
-"""A robot that keeps more distance than by these looks so much farther."""
 MEASURED = 0.3
 """What moves is looked for so much longer than the robot needs to stop [s]."""
 ARCS = 0.0, 0.5, 1.0
@@ -68,7 +66,10 @@ class ObstacleStop:
         reach = self._horizon + max(self._box.front, -self._box.rear) + self._box.half_width
         rules = tuple(rules)
         reach += max([_farther(each) + max(each.margin - USUAL.margin, 0.0) for each in rules], default=0.0)
-        self._views = {name: View(scanner, self._box, reach, lookahead) for name, scanner in robot.scanners.items()}
+        margin = max([each.margin for each in rules], default=USUAL.margin)
+        self._views = {
+            name: View(scanner, self._box, reach, lookahead, margin) for name, scanner in robot.scanners.items()
+        }
         horizon = self._horizon + max(map(_farther, rules), default=0.0)
         self._ground = Ground(self._box, self._views.values(), horizon)
         self._low_since = self._free_since = self._blocked_since = self._stands_since = inf
@@ -125,11 +126,11 @@ class ObstacleStop:
 
     def _judged(self, found: Clearance | None, now: float, rules: ObstacleRules) -> Clearance | None:
         """What was found, or nothing that may move, with how long the path has been blocked."""
-        if found is None or found.no_scan or (rules.mode == "slow" and not self._unseen):
+        if found is not None and found.no_scan:
+            return found
+        if found is None or (rules.mode == "slow" and not self._unseen):
             self._low_since = self._blocked_since = inf
-            if found is None or found.no_scan:
-                return found
-            return Clearance(speed=max(found.speed, SLOW_SPEED), distance=found.distance)
+            return found and Clearance(speed=max(found.speed, SLOW_SPEED), distance=found.distance)
         if found.speed >= BLOCKED_SPEED:
             self._low_since, self._free_since = inf, min(self._free_since, now)
             if now - self._free_since >= rules.free_after:

@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from artemis.motion.angles import wrap
-from artemis.motion.approaches import Approaches
+from artemis.motion.approaches import Approaches, Seen
 from artemis.motion.arrays import Array
-from artemis.motion.beams import SAME, ScanPeriod, seeing, seen_twice, widened
+from artemis.motion.beams import ScanPeriod, seeing, seen_twice, widened
 from artemis.motion.movers import NOTHING, Movers
 from artemis.motion.poses import placed, seen_from
 from artemis.motion.sweep import Rectangle
 from artemis.motion.totals import mean
 from artemis.mounting import Mounting
-from artemis.scan import Scan
+from artemis.scan import USUAL, Scan
 from artemis.values import Pose
 
 NEAR = 0.3
@@ -30,11 +30,11 @@ THINNED: Array = np.array(0.025)
 """Remembered points lie in cells of this width [m], one in each."""
 FAR = 1_000_000.0
 """Farther than anything [mm]."""
-NOTED, TURNED, NOTED_EVERY = 0.02, radians(1.0), 0.1
-"""They are noted after so much distance [m] or rotation, and so often where the robot stands [s]: others may move."""
-UP_TO = 0.1
-"""What has come nearer than the least range may stand as near to the outline as this [m]. (A robot that it may pass at
-less could not move at all.)"""
+NOTED, TURNED = 0.02, radians(1.0)
+"""They are noted after so much distance [m] or rotation."""
+UP_TO = 0.02
+"""What has come nearer than the least range may stand as near to the outline as its margin, and this [m]: nearer, and
+beside it, it would keep the robot from moving at all."""
 SORTED_EVERY = 0.05
 """What moves is looked for, and what need not be remembered any more, so often [s]."""
 FASTEST_WALK = 2.0
@@ -56,7 +56,9 @@ Indices = NDArray[np.int64]
 class View:
     """Keeps points from scan to scan. In the frame of the rear axle, x ahead and y left [m], shape (2, n)."""
 
-    def __init__(self, scanner: Mounting, box: Rectangle, reach: float, lookahead: float) -> None:
+    def __init__(
+        self, scanner: Mounting, box: Rectangle, reach: float, lookahead: float, margin: float = USUAL.margin
+    ) -> None:
         """Begin.
 
         Args:
@@ -64,17 +66,18 @@ class View:
             box: the outline.
             reach: what stands farther from the rear axle says nothing [m].
             lookahead: what moves counts where it will be for so long, too [s].
+            margin: by which the outline is enlarged at most [m].
         """
         self._scanner, self._box, self._lookahead = scanner, box, lookahead
         self._near = box.grown(NEAR)
         self._movers = Movers()
-        self._beside_it = box.grown(UP_TO)
+        self._close = box.grown(margin + UP_TO)
         self._x, self._y = np.array(float(scanner.x_m)), np.array(float(scanner.y_m))
         self.place: Array = np.array([[scanner.x_m], [scanner.y_m]])
         """Of the scanner [m]."""
         self.least = round(1000.0 * scanner.least_range_m)
         self._least: Array = np.array(float(self.least))
-        self._approaches = Approaches(float(self.least), hypot(scanner.x_m, scanner.y_m))
+        self._approaches = Approaches(float(self.least), hypot(scanner.x_m, scanner.y_m), self._was_clear)
         self._far = round(1000.0 * (reach + FASTEST_WALK * lookahead))
         self.shape: tuple[float, float, int] | None = None
         """Bearing of the first beam, from one to the next [rad], and how many there are; None: no scan has come."""
@@ -95,7 +98,7 @@ class View:
         """As if nothing had been seen."""
         self._time, self._pose, self.millimetres = -inf, Pose(), np.zeros(0)
         self._period = ScanPeriod()
-        self._noted, self._noted_at, self._continued = Pose(x=inf), -inf, False
+        self._noted, self._continued = Pose(x=inf), False
         self._approaches.forget()
         self._points, self._kept, self._coming = NOTHING, NOTHING, NOTHING
         self._movers.forget()
@@ -169,10 +172,11 @@ class View:
         self._period.take(scan)
         self._time = scan.time + scan.beam_time * len(ranges)
         near = (ranges > 0.0) & (ranges < self._farthest)
+        seen = Seen(ranges, self.unmasked & (ranges >= self._least), self._pose, scan.time)
         if creeping:
-            self._look_for_approaches(ranges, near)
+            self._look_for_approaches(seen)
         else:
-            self._approaches.note(ranges, near, self._pose)
+            self._approaches.note(seen)
         if not (self._kept.size or self.sees_motion or near.any()):
             self._points = self._coming = NOTHING
             return
@@ -191,7 +195,7 @@ class View:
             self._sorted_at = now
             self._forget_some()
             self._find_moving(scan, now, speed, turn)
-        self._remember(points, beams, now)
+        self._remember(points, beams)
 
     def _find_moving(self, scan: Scan, now: float, speed: float, turn: float) -> None:
         """Look where what moves will be, by the newest scan."""
@@ -225,7 +229,7 @@ class View:
 
     def _fit(self, start: float, increment: float, count: int) -> None:
         """Work out the beams' directions."""
-        self.shape, self._noted = (start, increment, count), Pose(x=inf)
+        self.shape = start, increment, count
         bearings = [start + increment * beam for beam in range(count)]
         angles = [self._scanner.heading + bearing for bearing in bearings]
         self._directions = np.array([[cos(angle) for angle in angles], [sin(angle) for angle in angles]]) / 1000.0
@@ -281,31 +285,27 @@ class View:
         ends = ((beams >= 0) & self.unmasked[beams] & shown | self._box.holds(line)).nonzero()[0]
         self._kept = np.concatenate((self._kept, line[:, : ends[0] if ends.size else None]), 1)
 
-    def _has_moved(self) -> bool:
-        """Since something was noted."""
-        pose, last = self._pose, self._noted
-        return abs(pose.x - last.x) + abs(pose.y - last.y) >= NOTED or abs(pose.heading - last.heading) >= TURNED
-
-    def _look_for_approaches(self, ranges: Array, near: NDArray[np.bool_]) -> None:
-        """Remember what has come too near to be seen, wherever it may stand now."""
+    def _look_for_approaches(self, seen: Seen) -> None:
+        """Remember what has come too near to be seen, wherever it may stand now, until it is seen to go away."""
         assert self.shape is not None
-        came = self._approaches.take(ranges, near, self._pose, self.shape[1]).nonzero()[0]
+        gone = self._approaches.take(seen, self.shape[1])
+        if gone.any():
+            cells = self._cells(self._kept)
+            hidden = widened(gone, BESIDE)[self._beam_of.take(cells)] & (self._distance_of.take(cells) < self.least)
+            self._kept = self._kept.take((~hidden | (self._hides.take(cells) == inf)).nonzero()[0], 1)
+        came = self._approaches.came.nonzero()[0]
         if came.size:
             steps = np.arange(0.0, float(self.least), 1000.0 * float(THINNED))
             places = (self._directions[:, came, np.newaxis] * steps).reshape(2, -1) + self.place
-            self._keep(places.take((~self._beside_it.holds(places)).nonzero()[0], 1))
+            self._keep(places.take((~self._close.holds(places)).nonzero()[0], 1))
 
-    def _remember(self, points: Array, beams: NDArray[np.intp], now: float) -> None:
-        """Add those points of the scan that may leave the view, of a robot that stands those that are new."""
-        leaves = self.millimetres < self._leaving
-        if self._has_moved():
-            self._noted, self._shown = self._pose, self.millimetres
-        elif now - self._noted_at >= NOTED_EVERY:
-            leaves &= np.abs(self.millimetres - self._shown) > SAME
-            self._shown = np.where(leaves, self.millimetres, self._shown)
-        else:
+    def _remember(self, points: Array, beams: NDArray[np.intp]) -> None:
+        """Add those points of the scan that may leave the view."""
+        pose, last = self._pose, self._noted
+        if abs(pose.x - last.x) + abs(pose.y - last.y) < NOTED and abs(pose.heading - last.heading) < TURNED:
             return
-        self._noted_at = now
+        self._noted = pose
+        leaves = self.millimetres < self._leaving
         self._keep(points.take(leaves.take(beams).nonzero()[0][::-1], 1))
 
     def _keep(self, new: Array) -> None:
@@ -349,17 +349,24 @@ class View:
         rest = 2 * BESIDE + 1 - width
         return np.asarray(np.minimum(least[:-rest], least[rest:]))
 
-    def _was_free(self, pose: Pose, ranges: Array, points: Array) -> NDArray[np.bool_]:
+    def _was_clear(self, before: Seen, beams: Indices, ranges: Array) -> NDArray[np.bool_]:
+        """Whether nothing was by a scan where beams of these ranges end now [mm]; just beyond the least range only what
+        showed something farther away says so."""
+        there = placed_points(self._pose, self._directions[:, beams] * ranges + self.place)
+        shown = np.where(before.shown, before.ranges, 1.0)
+        return self._was_free(before.pose, shown, there, 0.0) | self._was_free(before.pose, before.ranges, there)
+
+    def _was_free(self, pose: Pose, ranges: Array, points: Array, beyond: float = FREE_BEYOND) -> NDArray[np.bool_]:
         """Where nothing was by a scan seen from a pose: places in the frame of the odometry, where something is now.
 
-        Nearer than the least range it sees nothing, be it free or not.
+        Nearer than the least range, and `beyond` [mm], it sees nothing, be it free or not.
         """
         bearings, distances = self.directions(_points_from(pose, points))
         beams = self.beams_past(bearings)
         beside = np.clip(beams[:, None] + np.arange(-FREE_BESIDE, FREE_BESIDE + 1), 0, len(ranges) - 1)
         seen = np.where(ranges[beside] == 0, FAR, ranges[beside]).min(axis=1)
         far = 1000.0 * distances
-        looked = (beams >= 0) & (self._farthest[beams] > 0) & (far > self.least + FREE_BEYOND)
+        looked = (beams >= 0) & (self._farthest[beams] > 0) & (far > self.least + beyond)
         return np.asarray(looked & (seen > far + FREE_BEYOND))
 
     def directions(self, places: Array) -> tuple[Array, Array]:
