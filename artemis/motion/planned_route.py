@@ -24,6 +24,8 @@ FITTER = "a path"
 """Likewise of the kind FIT."""
 NOT_KEPT = 0
 """In the values of a job PLAN before a present route that is to be another one although it is free: none begins so."""
+ONLY_CHECKED = -1
+"""Likewise before one of which only is asked whether a new zone is in its way: no other one is sought."""
 ROUND_CORNERS = 0.10
 """A planned route may leave its points at a corner by so much [m]."""
 _MICRO = 1e6

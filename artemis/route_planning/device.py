@@ -14,7 +14,7 @@ import numpy as np
 from artemis.devices.device import Readings, Report, Work
 from artemis.devices.worker import Worker, WorkerEnded
 from artemis.mapping.occupancy import OccupancyMap
-from artemis.motion.planned_route import NOT_KEPT, PLANNER, unpacked_poses
+from artemis.motion.planned_route import NOT_KEPT, ONLY_CHECKED, PLANNER, unpacked_poses
 from artemis.route_planning.floor import CELL, Destination, floor_from
 from artemis.route_planning.obstacle_layer import EVERY, KEPT, PlacedScan, placed_scan
 from artemis.route_planning.planner import PlannedRoute, RouteRequest, plan_route
@@ -133,7 +133,7 @@ class RoutePlanner:
         goal = destination.goal
         if goal is None:
             goal, present = unpacked_poses(present[:3])[0], present[3:]
-        keep = present[:1] != (NOT_KEPT,)
+        keep, seek = present[:1] != (NOT_KEPT,), present[:1] != (ONLY_CHECKED,)
         request = partial(
             RouteRequest,
             robot=self._robot,
@@ -144,8 +144,9 @@ class RoutePlanner:
             placed_scans=tuple(self._placed_scans),
             known_behind=destination.known_behind,
             driven=tuple(self._driven),
-            present=present if keep else present[1:],
+            present=present if keep and seek else present[1:],
             keep=keep,
+            seek=seek,
         )
         made_of = destination.made_of
         return PlanOrder(

@@ -85,6 +85,8 @@ class RouteRequest:
     """The route that it is on, as of `PlannedRoute`."""
     keep: bool = True
     """It is kept if the rest of it is free."""
+    seek: bool = True
+    """Another one is sought."""
     before: Floor | None = None
     """The floor for which it was planned, if the zones are others now."""
 
@@ -168,8 +170,10 @@ class _Planning:
         found, request = self._found(), self._request
         if found.values or found.arrived or not request.present:
             return found
+        present = PresentRoute(request.present, request.start, request.speed)
+        if not request.seek and not present.is_on_it:
+            return found
         if request.before is not None:
-            present = PresentRoute(request.present, request.start, request.speed)
             if not present.is_allowed(self._floor, request.before, request.robot, request.margin):
                 return replace(found, detail=f"{found.detail}, and a zone that is new is in the way of the present one")
         return replace(found, values=request.present, only_present=True)
@@ -181,6 +185,8 @@ class _Planning:
             return PlannedRoute(arrived=True, detail="the robot is there already")
         if request.present and request.keep and self._rest_is_free():
             return PlannedRoute(values=request.present, detail="the rest of the route is free")
+        if not request.seek:
+            return PlannedRoute(detail="no other route is sought")
         if not self._floor.contains(self._goal):
             return PlannedRoute(detail="the goal lies outside of the map")
         if not self._ground.fits(self._goal):

@@ -23,7 +23,11 @@ AS_FAST = 1e-3
 
 
 class PresentRoute:
-    """What is left of it."""
+    """What is left of it.
+
+    Attributes:
+        is_on_it: The robot is.
+    """
 
     def __init__(self, values: Sequence[int], start: Pose, speed: float) -> None:
         """Begin where the robot first comes by.
@@ -38,18 +42,17 @@ class PresentRoute:
         away = np.hypot(poses[:, 0] - start.x, poses[:, 1] - start.y)
         turned = np.abs(wrapped(poses[:, 2] - start.heading))
         here = ((away < ON_ROUTE) & (turned < ALONG_ROUTE)).nonzero()[0][:1]
-        self._is_on_it = bool(here.size)
-        """The robot."""
+        self.is_on_it = bool(here.size)
         if here.size:
             self._driven, self._poses = driven[here[0] + 1 :] - driven[here[0]], poses[here[0] + 1 :]
 
     def is_free(self, floor: Floor, ground: FreeGround) -> bool:
         """Whether nothing is in its way."""
-        return self._is_on_it and bool(ground.are_free(floor.local_poses(self._poses), self._driven).all())
+        return self.is_on_it and bool(ground.are_free(floor.local_poses(self._poses), self._driven).all())
 
     def is_slow(self, floor: Floor, before: Floor) -> bool:
         """Whether it is as slow as zones want that are on a floor now, and were not before."""
-        if not self._is_on_it:
+        if not self.is_on_it:
             return False
         local = floor.local_poses(self._poses)
         rows, columns = floor.speed.shape

@@ -20,7 +20,24 @@ def is_blocked(snapshot: Snapshot) -> bool:
     return clearance is not None and clearance.holds
 
 
-def held_up(shared: Shared, mode: Mode, wish: Wish, snapshot: Snapshot) -> Wish:
+def heeded(shared: Shared, mode: Mode, wish: Wish, snapshot: Snapshot) -> Wish:
+    """The wish of a mode that heeds what is in the way.
+
+    Before the robot drives on along a planned route after it stood for some time, that is checked for new zones.
+    """
+    route = shared.route
+    if is_blocked(snapshot):
+        return _held_up(shared, mode, wish, snapshot)
+    if not route.stood:
+        return wish
+    long, route.stood = route.stood >= REPLAN_AFTER, 0.0
+    if not long or mode is not Mode.FOLLOW or not snapshot.standing or wish.event is not None:
+        return wish
+    route.check()
+    return replace(stand(snapshot, event=Event.DONE, tracking=wish.tracking), done=wish.done)
+
+
+def _held_up(shared: Shared, mode: Mode, wish: Wish, snapshot: Snapshot) -> Wish:
     """The wish of a mode whose robot is blocked, with the fault LAS-08; after too long the end of its step.
 
     On a planned route another one is sought first. Where the robot stands because ground was not seen, the step ends
@@ -35,6 +52,8 @@ def held_up(shared: Shared, mode: Mode, wish: Wish, snapshot: Snapshot) -> Wish:
         seen = f"the ground {'ahead' if wish.command.speed >= 0.0 else 'behind'} was not seen"
     fault = wish.fault or catalogue.fault("LAS-08", "", seen)
     step, route = shared.current, shared.route
+    if isinstance(step, GotoStep) and route.planned:
+        route.stood = clearance.blocked
     if mode is not Mode.TELEOP and snapshot.standing:
         ended = stand(snapshot, event=Event.DONE, tracking=wish.tracking)
         done = wish.done or 0.0

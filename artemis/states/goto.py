@@ -77,11 +77,15 @@ class RoutePlanning:
             self._fault = catalogue.fault(result.fault, "", result.detail)
             return replace(stand, fault=self._fault)
         self._job, again, route.replanning = None, route.replanning, False
+        checked, route.checking = route.checking, False
         if result.ok and not result.values:
             return replace(stand, over=True)
-        if again and result.values == route.planned:
-            route.replans -= result.ok  # it is free again; else there is no other one
+        if (again or checked) and result.values == route.planned:
+            route.replans -= again and result.ok  # it is free again; else there is no other one
             return replace(stand, event=Event.FOLLOW)
+        if checked:  # a new zone is in its way: another one is planned in the next tick
+            route.drive(())
+            return stand
         if result.ok:
             route.drive(result.values)
             return replace(stand, event=Event.FOLLOW, done=0.0)

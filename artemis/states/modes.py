@@ -11,7 +11,7 @@ from artemis.motion.limits import is_sane
 from artemis.progress import MissionEvent
 from artemis.states.act import ActMode, Observing
 from artemis.states.answers import answers_without_mission
-from artemis.states.blocked import held_up, is_blocked
+from artemis.states.blocked import heeded
 from artemis.states.calibrate import CalibrateMode
 from artemis.states.end import EndMode
 from artemis.states.fault import FaultMode
@@ -126,8 +126,8 @@ class Modes:
         self.failed = self.failed or wish.failed
         if not is_sane(wish.command):
             wish = replace(wish, fault=catalogue.fault("RUN-11", self.mode.value, repr(wish.command)))
-        if is_blocked(snapshot) and self.mode in STEP_MODES:
-            wish = held_up(shared, self.mode, wish, snapshot)
+        if self.mode in STEP_MODES:
+            wish = heeded(shared, self.mode, wish, snapshot)
         if self.mode in RUNNING:
             wish = self._beside.ask(snapshot, wish)
             entry, ready = shared.entry, self.mode is Mode.READY

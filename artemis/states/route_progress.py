@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from msgspec import json
 
-from artemis.motion.planned_route import NOT_KEPT
+from artemis.motion.planned_route import NOT_KEPT, ONLY_CHECKED
 from artemis.values import Pose
 
 SAME_PLACE = 0.1
@@ -19,6 +19,8 @@ class RouteProgress:
         goal: What the step was given, if it asks for one.
         replans: How often another route was planned for an obstacle.
         replanning: Another one is to be planned, now that the robot stands.
+        checking: The present one is to be checked for new zones, now that the robot may drive on.
+        stood: For how long the robot has stood for an obstacle since it last drove, or looked for another route [s].
         unseen: It was to be planned last because ground was not seen: then the present one is of no use, free or not.
     """
 
@@ -27,7 +29,8 @@ class RouteProgress:
         numbers = json.decode(state, type=tuple[float, ...]) if state else (0.0,)
         self.replans = int(numbers[0])
         self.goal = Pose(x=numbers[1], y=numbers[2], heading=numbers[3]) if len(numbers) > 1 else None
-        self.replanning, self.unseen = False, False
+        self.replanning, self.checking, self.unseen = False, False, False
+        self.stood = 0.0
         self.planned: tuple[int, ...] = ()
         self._stood = 0.0, 0.0
         """Where on the route the robot stood when it looked for another one last [m], and for how long in all [s]."""
@@ -40,7 +43,7 @@ class RouteProgress:
 
     def take(self, goal: Pose) -> None:
         """Another goal: a route that leads elsewhere is forgotten."""
-        self.goal, self.replans, self.replanning = goal, 0, False
+        self.goal, self.replans, self.replanning, self.checking = goal, 0, False, False
         self.drive(())
 
     def drive(self, planned: tuple[int, ...]) -> None:
@@ -53,10 +56,16 @@ class RouteProgress:
 
     @property
     def present(self) -> tuple[int, ...]:
-        """The present route, for a robot that looks for another one; after `NOT_KEPT` if that is to be another."""
+        """The present route, for a robot that has one; after `NOT_KEPT` or `ONLY_CHECKED` if that is so."""
+        if self.checking:
+            return (ONLY_CHECKED, *self.planned)
         if not self.replanning:
             return ()
         return (NOT_KEPT, *self.planned) if self.unseen else self.planned
+
+    def check(self) -> None:
+        """Have the present route checked before the robot drives on."""
+        self.checking, self.stood = True, 0.0
 
     def replan(self, most: int, done: float, blocked: float, *, unseen: bool = False) -> bool:
         """Have another route planned for an obstacle, if that was done less than `most` times; whether it will be.
@@ -66,5 +75,5 @@ class RouteProgress:
         if not self.planned or self.replans >= most:
             return False
         self._stood, self.unseen = (done, self.waited(done) + blocked), unseen
-        self.replans, self.replanning = self.replans + 1, True
+        self.replans, self.replanning, self.stood = self.replans + 1, True, 0.0
         return True

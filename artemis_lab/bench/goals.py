@@ -27,7 +27,7 @@ from artemis.mission.goto import BEYOND, NARROW
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.motion.planned_route import unpacked_route
 from artemis.mounting import Mounting, Outline
-from artemis.route_planning import device
+from artemis.route_planning import device, zoned
 from artemis.route_planning.floor import MARGIN, floor_from, goal_problem
 from artemis.route_planning.planner import PlannedRoute, RouteRequest, plan_route
 from artemis.sim.world import World
@@ -182,7 +182,7 @@ class _GoalWitness:
         self._stood_for = ""
 
     def run(self, source: Path) -> None:
-        with patch.object(device, "plan_route", self._plan):
+        with patch.object(zoned, "plan_route", self._plan):
             outcome = app.run_mission(self._loaded, source, watch=self._watch, witness=self._meet)
         if outcome.failed and self._at < len(self._legs):
             self._legs[self._at].ended = "failed"

@@ -5,13 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 from core_builders import PERIOD, ROBOT, StubFollower, fault_of, shared, snapshot
 from msgspec.structs import replace
 
-from artemis.motion.planned_route import NOT_KEPT, PLANNER, packed_route, planned_route
+from artemis.motion.planned_route import NOT_KEPT, ONLY_CHECKED, PLANNER, packed_route, planned_route
 from artemis.progress import BLOCKED, NO_PATH
 from artemis.scan import Clearance, ObstacleRules
-from artemis.states.blocked import REPLAN_AFTER, held_up
+from artemis.states.blocked import REPLAN_AFTER, heeded
 from artemis.states.follow import FollowMode
 from artemis.states.goto import take_goal
 from artemis.states.plan import FollowStep, GotoStep, Shared, WaitStep
@@ -153,7 +154,7 @@ def test_a_step_that_begins_anew_forgets_the_route_and_what_was_tried() -> None:
 def blocked(steps: Shared, seconds: float, *, standing: bool = True, unseen: bool = False) -> Wish:
     clearance = Clearance(speed=0.0, distance=0.02, blocked=seconds, unseen=unseen)
     seen = replace(snapshot(10.0, set_points=SetPoints(clearance=clearance)), standing=standing)
-    return held_up(steps, Mode.FOLLOW, Wish(done=1.0), seen)
+    return heeded(steps, Mode.FOLLOW, Wish(done=1.0), seen)
 
 
 def test_another_route_is_sought_after_some_seconds_so_often_as_the_step_says() -> None:
@@ -166,6 +167,45 @@ def test_another_route_is_sought_after_some_seconds_so_often_as_the_step_says() 
     assert (asked.event, asked.outcome, asked.done, steps.route.replanning) == (Event.DONE, "", 1.0, True)
     assert fault_of(blocked(steps, 5.0 - REPLAN_AFTER - 0.1))[0] == "LAS-08"
     assert blocked(steps, 5.0 - REPLAN_AFTER).outcome == BLOCKED  # with what it waited before
+
+
+def freed(steps: Shared, *, standing: bool = True) -> Wish:
+    """In the first tick in which nothing is in the way any more."""
+    seen = replace(snapshot(10.0), standing=standing)
+    return heeded(steps, Mode.FOLLOW, Wish(done=1.0, phase="following"), seen)
+
+
+def test_after_a_wait_in_which_no_route_was_planned_the_present_one_is_checked_before_it_is_driven_on() -> None:
+    steps = shared(step(replans=0, obstacles=ObstacleRules(mode="stop", blocked_after=60.0)))
+    steps.route.planned = VALUES
+
+    blocked(steps, REPLAN_AFTER - 0.1)
+    assert freed(steps).phase == "following", "a plan is never that young"
+    blocked(steps, 30.0)
+    asked = freed(steps)
+    assert (asked.event, asked.done, steps.route.present) == (Event.DONE, 1.0, (ONLY_CHECKED, *VALUES))
+    steps.route.checking = False
+    assert freed(steps).phase == "following", "once"
+    blocked(steps, 30.0)
+    assert freed(steps, standing=False).phase == "following"
+    assert freed(steps).phase == "following"
+
+
+@pytest.mark.parametrize("ok", [True, False])
+def test_a_checked_route_is_driven_on_or_another_one_planned(ok: bool) -> None:
+    robot = Standing()
+    robot.planned(VALUES)
+    robot.shared.route.check()
+    robot.mode.enter(snapshot(robot.time))
+    wish = robot.planned((*VALUES,), ok=ok)
+    assert (wish.event, robot.shared.route.replans, robot.shared.route.checking) == (Event.FOLLOW, 0, False)
+    robot.shared.route.check()
+    robot.mode.enter(snapshot(robot.time))
+    assert robot.planned((), ok=False).event is None
+    (job,) = robot.tick().jobs
+    assert job.values == (), "from nothing"
+    wish = robot.tick(JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=False, detail="a zone"))
+    assert (wish.outcome, wish.phase) == (NO_PATH, "no route to gate: a zone")
 
 
 def test_steps_that_follow_a_given_path_wait() -> None:

@@ -122,8 +122,12 @@ def test_the_present_route_is_given_back_unless_a_zone_is_new_on_it(tmp_path: Pa
         shut, _ = planned(by, values)
         assert (shut.ok, shut.values, shut.fault) == (False, (), "")
         assert "a zone that is new is in the way of the present one" in shut.detail
+    shut, _ = planned(by, (-1, *present))
+    assert (shut.ok, shut.values) == (False, ())
+    assert shut.detail.startswith("no other route is sought, and a zone that is new is in the way")
     beside.write_bytes(ZONES)
-    assert planned(by, present)[0].values == present
+    for values in (present, (-1, *present)):
+        assert planned(by, values)[0].values == present
 
 
 def test_no_floor_goes_to_the_process(tmp_path: Path) -> None:

@@ -235,11 +235,13 @@ def around(x0: float, x1: float, **keys: object) -> MapZone:
     return MapZone.model_validate({"kind": "keep-out", "corners": corners, **keys})
 
 
-def blocked(on: Floor, present: tuple[int, ...], *, keep: bool = True, before: Floor | None = None) -> PlannedRoute:
+def blocked(
+    on: Floor, present: tuple[int, ...], *, keep: bool = True, seek: bool = True, before: Floor | None = None
+) -> PlannedRoute:
     """Where something stands all across the way of a robot that is under way; before: the floor without zones."""
     seen = tuple(seen_at(1.5, 0.5 * number, 120) for number in range(6))
     under_way = Pose(x=1.0, y=1.0)
-    return planned(on, start=under_way, present=present, placed_scans=seen, keep=keep, before=before)
+    return planned(on, start=under_way, present=present, placed_scans=seen, keep=keep, seek=seek, before=before)
 
 
 def test_where_something_stands_in_the_only_way_the_present_route_is_given_back() -> None:
@@ -264,6 +266,14 @@ def test_a_zone_that_is_new_on_the_only_way_takes_the_present_route() -> None:
     slow = floor(boxes, zones=(around(3.0, 3.2, kind="slow", speed_m_s=0.1),))
     assert blocked(slow, present, before=walled).values == ()
     assert blocked(slow, present, before=slow).values == present
+
+
+def test_a_route_that_is_only_checked_is_given_back_if_the_robot_is_on_it() -> None:
+    on = floor()
+    present = planned(on).values
+    found = blocked(on, present, seek=False)
+    assert (found.values, found.only_present, found.expanded) == (present, True, 0)
+    assert planned(on, start=Pose(x=1.0, y=1.4), present=present, seek=False).values == ()
 
 
 def test_a_route_that_is_free_but_too_fast_for_a_new_zone_is_planned_anew() -> None:
