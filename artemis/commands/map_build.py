@@ -103,7 +103,7 @@ def _begun(file: Path | None, force: bool) -> MapGraph | None:
     zones_of(file)
     if lost := painted(file, read_map(file), graph):
         if not force:
-            raise ConfigError(f"{lost}; with --force it is lost")
+            raise ConfigError(f"{lost}; with --force it is continued, and what was edited is lost")
         sys.stdout.write(f"notice      {lost}\n")
     return graph
 
