@@ -28,6 +28,7 @@ from artemis.mission.rezoned import rezoned, zones_files
 from artemis.motion.steering_fit import SteeringFit, SteeringZero
 from artemis.planning import (
     check_drivable,
+    files_named,
     inputs_used,
     is_fast,
     is_simulated,
@@ -284,8 +285,7 @@ class _Run:
         if self.resume_point is not None:
             return self.resume_point.pose
         use = localizer_of(self.loaded, self.simulated)
-        named = (use.model_extra or {}).values() if use is not None else ()
-        files = {name: self.loaded.files[name] for name in named if isinstance(name, str) and name in self.loaded.files}
+        files = files_named(use, self.loaded.files) if use is not None else {}
         mine, mission, robot = self.record.folder.path, self.loaded.mission.mission, self.loaded.robot.robot
         found = last_place(mine, mission, robot, files, simulated=self.simulated)
         known = found.pose is not None

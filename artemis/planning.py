@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from math import radians
 from pathlib import Path as FilePath
+from pathlib import PurePosixPath
 from typing import Any
 
 from msgspec.structs import replace
@@ -41,7 +42,7 @@ from artemis.states.plan import (
 )
 from artemis.states.steering import SteeringStep
 from artemis.vehicle import RobotFile
-from artemis.yaml_file import dotted
+from artemis.yaml_file import dotted, survey
 
 
 def plan_from(loaded: LoadedMission) -> Plan:
@@ -214,6 +215,15 @@ def localizer_of(loaded: LoadedMission, simulated: bool) -> PluginUse | None:
     words = {"localizer": mission.localizer, "simulation": {"localizer": mission.simulation.localizer}}
     use: PluginUse | None = localizer_used(words, simulated=simulated)
     return use
+
+
+def files_named(use: PluginUse, files: Mapping[str, bytes]) -> dict[str, bytes]:
+    """Those of the mission's files that the keys of a plugin name, and the image of a map among them."""
+    keys = use.model_extra or {}
+    names = [name for name in keys.values() if isinstance(name, str) and name in files]
+    if (name := keys.get("map")) in names and isinstance(content := survey(files[name], name)[0].data, dict):
+        names.append(str(PurePosixPath(name).parent / str(content.get("image"))))
+    return {name: files[name] for name in names if name in files}
 
 
 def origin_of(loaded: LoadedMission, simulated: bool, name: str) -> str:

@@ -25,7 +25,7 @@ from artemis.mapping.laser import Reading
 from artemis.mapping.map_file import read_map
 from artemis.mapping.mapper import Mapper
 from artemis.mapping.occupancy import occupancy
-from artemis.mapping.se2 import Array, between, compose
+from artemis.mapping.se2 import Array, between, compose, within
 from artemis.mapping.settings import MapSettings
 from artemis.mapping.tracking import Tracker
 from artemis.route_planning.zones import zones_file
@@ -103,7 +103,7 @@ def _begun(file: Path | None, force: bool) -> MapGraph | None:
     zones_of(file)
     if lost := painted(file, read_map(file), graph):
         if not force:
-            raise ConfigError(f"{lost}; with --force it is lost")
+            raise ConfigError(f"{lost}; with --force it is continued, and what was edited is lost")
         sys.stdout.write(f"notice      {lost}\n")
     return graph
 
@@ -134,12 +134,12 @@ def _gone_on(
         ConfigError: the run is not found on it.
     """
     known = ScanMap.of_scans(begun.keys.points, begun.keys.poses, settings)
-    start, readings = _located(ScanLocalizer(known, LocalizerSettings(matching=settings)), readings, settings)
-    if start is None:
+    begins, readings = _located(ScanLocalizer(known, LocalizerSettings(matching=settings)), readings, settings)
+    if begins is None:
         raise ConfigError(
             f"{run}: its first scans fit nowhere on {file}, or in several places; begin the run where the map is known"
         )
-    return Mapper(settings, begun=begun, start=start), readings
+    return Mapper(settings, begun=begun, start=begins.pose), readings
 
 
 def _another(mapper: Mapper, run: Path, readings: Iterator[Reading], settings: MapSettings) -> Iterator[Reading]:
@@ -148,40 +148,76 @@ def _another(mapper: Mapper, run: Path, readings: Iterator[Reading], settings: M
     Returns all readings of the run.
 
     Raises:
-        ConfigError: it is not found there.
+        ConfigError: it is not found there, or in several places.
     """
     if not len(mapper.keys):
         return readings
     mapper.solve()
     known, ended = ScanMap.of_scans(mapper.keys.points, mapper.keys.poses, settings), mapper.pose
     localizer = ScanLocalizer(known, LocalizerSettings(matching=settings), ended, _NEAR)
-    start, readings = _located(localizer, readings, settings)
-    if start is None:
+    begins, readings = _located(localizer, readings, settings)
+    if begins is None:
         raise ConfigError(
             f"{run}: its first scans fit neither where the run before ended nor, for sure, elsewhere on the map so "
             "far; name the runs in an order in which each begins where those before have been, or build a map of each"
         )
-    x, y, _ = between(ended, start)
-    sys.stdout.write(f"run         {run}: begins {np.hypot(x, y):.1f} m from where the one before ended\n")
-    mapper.begin_run(start)
+    away = between(ended, begins.pose)
+    if begins.rival is not None:
+        both = f"its first scans fit {_place(begins.pose)}, near where the run before ended, and as well"
+        if begins.fit < localizer.settings.well or not within(away, *_NEAR):
+            raise ConfigError(
+                f"{run}: {both} {_place(begins.rival)}; begin it where nothing looks alike, or build a map of each"
+            )
+        sys.stdout.write(f"notice      {run}: {both} {_place(begins.rival)}: did it begin there?\n")
+    sys.stdout.write(f"run         {run}: begins {np.hypot(*away[:2]):.1f} m from where the one before ended\n")
+    mapper.begin_run(begins.pose)
     return readings
+
+
+def _place(pose: Array) -> str:
+    x, y, heading = pose
+    return f"x {x:.2f} m, y {y:.2f} m, heading {round(np.degrees(heading))} deg"
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class _Beginning:
+    """Where a run begins on a map."""
+
+    pose: Array
+    """Shape (3,)."""
+    fit: float
+    """How well its scans fit there, 0 to 1."""
+    rival: Array | None
+    """Where it may begin as well, if it was searched near a place; None: nowhere."""
 
 
 def _located(
     localizer: ScanLocalizer, readings: Iterator[Reading], settings: MapSettings
-) -> tuple[Array | None, Iterator[Reading]]:
-    """Where a run begins on a map, shape (3,), None: it is not found there; and all readings of the run."""
-    tracker, seen = Tracker(settings), list[Reading]()
+) -> tuple[_Beginning | None, Iterator[Reading]]:
+    """Where a run begins on a map, None: it is not found there; and all readings of the run.
+
+    It begins where a scan fits, after that place was compared with all others.
+    """
+    tracker, seen, fit, compared = Tracker(settings), list[Reading](), 0.0, False
     for reading in readings:
         seen.append(reading)
         tracker.add(reading)
-        if reading.points is None:
+        if reading.points is None or len(reading.points) < settings.least_points:
             continue
         found = localizer.update(reading.points, reading.odometry)
-        if found.lost and (wanted := localizer.wanted()) is not None:
+        if found.lost:
+            fit = 0.0
+        elif found.measured is not None:
+            fit = found.quality
+        if (wanted := localizer.wanted()) is not None:
             localizer.take(wanted, localizer.look(wanted))
-        if not found.lost:
-            return compose(found.pose, between(tracker.pose, np.zeros(3))), chain(seen, readings)
+            compared = True
+        if fit and compared:
+            back, rival = between(tracker.pose, np.zeros(3)), localizer.rival
+            begins = _Beginning(
+                pose=compose(found.pose, back), fit=fit, rival=None if rival is None else compose(rival, back)
+            )
+            return begins, chain(seen, readings)
     return None, iter(seen)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from artemis.commands.map_zones import say_zones, zones_of
 from artemis.mapping.graph_file import MapGraph
@@ -17,22 +18,32 @@ from artemis.recording.disk import write_whole
 from artemis.route_planning.zones import MapZones, zones_file
 
 _ROUNDED = 20
-"""Cells may differ, as a graph keeps its points in single precision."""
+"""Cells may differ, as a graph keeps its points in single precision: single ones,"""
+_PAINTED = 3
+"""not so many side by side, of the same class."""
 
 
 def painted(file: Path, content: OccupancyMap, graph: MapGraph) -> str:
     """Which cells of the map `file` are not as its graph draws them, for people; empty: none."""
     drawn = occupancy(graph.keys, content.resolution)
     if drawn.cells.shape != content.cells.shape or drawn.origin != content.origin:
-        lost = abs(drawn.cells.size - content.cells.size) or content.cells.size
+        edited = f"{file} was edited by hand, or only rotated by an earlier version (then nothing is lost)"
     else:
-        lost = int(np.count_nonzero(drawn.cells != content.cells))
-    if lost <= _ROUNDED:
-        return ""
+        changed = drawn.cells != content.cells
+        lost = int(np.count_nonzero(changed))
+        if lost <= _ROUNDED and _side_by_side(np.argwhere(changed), content.cells[changed]) < _PAINTED:
+            return ""
+        edited = f"{lost} cells of {file} were edited by hand"
     return (
-        f"{lost} cells of {file} were edited by hand: the image is drawn again from its graph, without that. State "
-        "--crop and --no-go again, or use --zone for routes"
+        f"{edited}: the image is drawn again from its graph, without that. State --crop and --no-go again, or use "
+        "--zone for routes"
     )
+
+
+def _side_by_side(places: NDArray[np.int64], cells: NDArray[np.int8]) -> int:
+    """Of a few cells, shape (n,), at rows and columns, shape (n, 2): how many of one class touch one, with it."""
+    touch = (np.abs(places[:, None] - places).max(2) <= 1) & (cells[:, None] == cells)
+    return int(touch.sum(1).max(initial=0))
 
 
 def keep_zones(file: Path, output: Path, content: bytes) -> None:

@@ -224,7 +224,8 @@ class ScanLocalizer:
         """Take what `look` found."""
         self._looking, self.rival = False, None
         if looked_for.given is not None:
-            self.rival = found.pose if found is not None and looked_for.since == self._forgotten else None
+            stands = looked_for.since == self._forgotten and not self._unproven  # else another place counts by now
+            self.rival = found.pose if found is not None and stands else None
             return
         if found is None or self._doubt < 1 or looked_for.since != self._forgotten:
             return

@@ -168,7 +168,7 @@ def _place_left(
         why = f"{changed} is not what it was in {run}"
     elif last.true_pose is None:  # else each run's robot is simulated
         since = _driven_since(recording, mine.parent, but=mine.resolve())
-        unrecorded = _unrecorded(recording, last, entries) or " ".join(_moving(last))
+        unrecorded = _unfinished(recording, entries) or _unrecorded(recording, last, entries) or " ".join(_moving(last))
         why = f"{since.name} has driven the robot since {run}" if since else unrecorded and f"{run}: {unrecorded}"
     if why:
         return LastPlace(pose=None, told=why)
@@ -204,6 +204,13 @@ def _check_files(recording: Recording, files: Mapping[str, bytes]) -> None:
 
 def _ended(entries: tuple[Entry, ...]) -> bool:
     return bool(entries) and entries[-1].kind == "end"
+
+
+def _unfinished(recording: Recording, entries: tuple[Entry, ...]) -> str:
+    """Why nobody knows what a run did at last; empty: it was ended, and is recorded in full."""
+    if recording.missing:
+        return f"its recording is not whole: {recording.missing}"
+    return "" if _ended(entries) else "it was not ended in order"
 
 
 def _unrecorded(recording: Recording, last: TickRecord, entries: tuple[Entry, ...]) -> str:

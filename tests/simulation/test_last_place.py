@@ -110,6 +110,27 @@ def test_a_place_on_what_has_changed_is_unknown(mission: Path) -> None:
     assert "floor.csv is not what it was in" in said(done)[0][0]
 
 
+def test_a_run_that_was_not_ended_in_order_tells_nothing_of_the_robot(mission: Path) -> None:
+    """It is recorded until its last entry; how long the robot went on after that, nobody knows."""
+    _, first = begun(mission)
+    journal = first.outcome.run.journal
+    content = journal.read_bytes()
+    journal.write_bytes(content[: content.rindex(b"\n", 0, -1) + 1])
+    last, done = begun(mission)
+    assert last is None
+    assert f"{first.folder.name}: it was not ended in order" in said(done)[0][0]
+
+
+def test_a_recording_without_its_end_tells_nothing_of_the_robot(mission: Path) -> None:
+    """It holds all but the last half second, in which the robot may have moved by a metre."""
+    _, first = begun(mission)
+    recording = first.folder / "recording.mcap"
+    recording.write_bytes(recording.read_bytes()[:-20_000])
+    last, done = begun(mission)
+    assert last is None
+    assert f"{first.folder.name}: its recording is not whole: " in said(done)[0][0]
+
+
 def test_a_simulated_run_tells_nothing_of_the_robot(mission: Path) -> None:
     begun(mission, simulate=True)
     assert begun(mission)[0] is None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,12 +10,13 @@ import pytest
 from map_command import call, refused
 
 from artemis.commands import map_edit
-from artemis.commands.map_kept import say_moved
+from artemis.commands.map_files import write_map
+from artemis.commands.map_kept import painted, say_moved
 from artemis.commands.path_record import MapTrajectory
 from artemis.errors import ConfigError
 from artemis.mapping.graph_file import read_graph
 from artemis.mapping.map_file import read_map
-from artemis.mapping.occupancy import OCCUPIED
+from artemis.mapping.occupancy import OCCUPIED, occupancy
 from artemis.mapping.se2 import Array, between
 from artemis.route_planning.zones import MapZones
 from artemis_lab.bench.laser_worlds import OFFICE, driven, odometry, seen, walls
@@ -56,7 +58,8 @@ def test_a_map_is_built_shown_and_edited(log: Path, tmp_path: Path) -> None:
     rows, columns = cells.cell_of(np.array([[1.5, 1.5]]))
     assert cells.cells[rows[0], columns[0]] == OCCUPIED
     again = call("edit", edited, "-o", tmp_path / "again.yaml", "--undo-loop", str([each for each in loops][1]))
-    assert "were edited by hand: the image is drawn again from its graph, without that" in again
+    assert "was edited by hand, or only rotated by an earlier version (then nothing is lost)" in again
+    assert ": the image is drawn again from its graph, without that" in again
     edited.with_suffix(".graph").unlink()
     assert "none: there is no edited.graph" in call("show", edited, "-o", tmp_path / "b.svg")
 
@@ -178,9 +181,46 @@ def test_painted_areas_are_not_lost_unasked(log: Path, tmp_path: Path) -> None:
     assert "were edited by hand: the image is drawn again from its graph, without that" in (
         said := refused("build", log, "--continue", shut, "-o", more)
     )
-    assert said.endswith("; with --force it is lost")
+    assert said.endswith("; with --force it is continued, and what was edited is lost")
     assert not more.exists()
     assert "were edited by hand" in call("build", log, "--continue", shut, "-o", more, "--force")
+
+
+@pytest.mark.parametrize(
+    ("places", "lost"),
+    [
+        ([(row, 5) for row in range(10, 29)], True),
+        ([(10, 5), (11, 6), (10, 7)], True),
+        ([(10, 5), (11, 5)], False),
+        ([(3 * number, 5) for number in range(20)], False),
+        ([(3 * number, 5) for number in range(21)], True),
+    ],
+    ids=["line", "corner", "pair", "few single ones", "many single ones"],
+)
+def test_single_cells_differ_by_rounding_and_lines_are_painted(
+    log: Path, tmp_path: Path, places: list[tuple[int, int]], lost: bool
+) -> None:
+    call("build", log, "-o", tmp_path / "begun.yaml")
+    graph = read_graph(tmp_path / "begun.graph")
+    drawn = occupancy(graph.keys)
+    cells = drawn.cells.copy()
+    cells[tuple(zip(*places, strict=True))] = OCCUPIED
+    said = painted(Path("m.yaml"), replace(drawn, cells=cells), graph)
+    assert said.startswith(f"{len(places)} cells of m.yaml were edited by hand" if lost else "")
+    assert bool(said) is lost
+
+
+def test_a_map_that_an_earlier_version_rotated_can_be_continued(log: Path, tmp_path: Path) -> None:
+    """It turned the image cell by cell, and the graph."""
+    begun, turned, more = (tmp_path / f"{name}.yaml" for name in ("begun", "turned", "more"))
+    call("build", log, "-o", begun)
+    graph = read_graph(begun.with_suffix(".graph"))
+    graph.turned(0.5)
+    write_map(turned, read_map(begun).rotated(0.5), graph)
+    said = refused("build", log, "--continue", turned, "-o", more)
+    assert "was edited by hand, or only rotated by an earlier version (then nothing is lost)" in said
+    assert "with --force it is continued" in said
+    call("build", log, "--continue", turned, "-o", more, "--force")
 
 
 def test_who_moves_walls_says_which_zones_and_places_stay(capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,7 +14,7 @@ from core_builders import ROBOT
 from artemis.config import Config
 from artemis.errors import ConfigError, PluginError
 from artemis.mission.loading import load_mission
-from artemis.planning import made, plan_from
+from artemis.planning import files_named, localizer_of, made, plan_from
 from artemis.plugins import registry
 from artemis.plugins.contracts import PluginContext
 from artemis.states.plan import CalibrateStep, FollowStep, Plan, TeleopStep
@@ -47,6 +47,13 @@ def test_steps_know_the_speed_that_was_checked(tmp_path: Path, speed: float | No
     assert follow.speed == 0.15
     assert isinstance(teleop, TeleopStep)
     assert teleop.speed == speed, "the mission's input's, not its stand-in's"
+
+
+def test_files_of_a_localizer_are_its_map_with_the_image() -> None:
+    loaded = load_mission(MISSIONS / "patrol_hall.yaml")
+    use = localizer_of(loaded, simulated=True)
+    assert use is not None
+    assert set(files_named(use, loaded.files)) == {"maps/hall.yaml", "maps/hall.pgm"} < set(loaded.files)
 
 
 def calibrating(folder: Path, *words: object) -> Plan:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from twin_rooms import APART, TWINS, twin_map
 
 from artemis.localisation.scan_localizer import LocalizerSettings, PlaceSearch, ScanLocalizer, ScanPose
 from artemis.localisation.scan_map import ScanMap, surface_of_cells
@@ -69,11 +70,6 @@ def test_a_robot_is_found_anywhere(known: ScanMap, begin: int) -> None:
     assert errors(found, way)[first:].max() < 0.08
 
 
-def room(x: float) -> Array:
-    """A room whose lower left corner is at (x, 0), with things in it that show which way is which."""
-    return np.concatenate([box(x, 0, 5, 4), box(x + 1, 0, 1.2, 0.7), box(x + 4.3, 1.5, 0.7, 0.5)])
-
-
 def compared(on: ScanMap, world: Array, true: Array, *, by_operator: bool) -> tuple[list[int], Array | None]:
     """At which scans a robot that stands was looked for, its place being given; and where else it may be."""
     near, std, looked = true + np.array([-0.1, -0.1, 0.1]), (0.3, 0.17), list[int]()
@@ -94,12 +90,28 @@ def compared(on: ScanMap, world: Array, true: Array, *, by_operator: bool) -> tu
 def test_a_given_place_is_compared_once_with_all_others(known: ScanMap, by_operator: bool) -> None:
     after = [TUNED.gather_scans - 1]
     assert compared(known, OFFICE, WAY[3], by_operator=by_operator) == (after, None)
-    equal = np.concatenate([room(0), room(7)])
-    stands = np.array([[x, y, turn] for x in (1, 4, 8, 11) for y in (1.5, 3) for turn in (0, 2, 4)], float)
-    rooms = ScanMap.of_scans([scan(equal, pose) for pose in stands], stands, TUNED.matching)
-    looked, rival = compared(rooms, equal, np.array([2.6, 2.1, 0.0]), by_operator=by_operator)
+    looked, rival = compared(twin_map(TUNED.matching), TWINS, np.array([2.6, 2.1, 0.0]), by_operator=by_operator)
     assert looked == after
     assert rival == pytest.approx([9.6, 2.1, 0.0], abs=0.02)
+
+
+def test_a_place_is_not_compared_any_more_once_another_one_was_given() -> None:
+    """The wrong room of two is given, and the right one while the wrong one is compared with the others."""
+    true, std = np.array([9.6, 2.1, 0.0]), (0.3, 0.17)
+    localizer = ScanLocalizer(twin_map(TUNED.matching), TUNED, true - APART, std)
+    followed(localizer, TWINS, np.tile(true, (TUNED.gather_scans - 1, 1)), None)
+    localizer.update(scan(TWINS, true), None)
+    wanted = localizer.wanted()
+    assert wanted is not None
+    localizer.begin_at(true, std)
+    localizer.update(scan(TWINS, true), None)
+    found = localizer.look(wanted)
+    localizer.take(wanted, found)
+    assert found is not None
+    assert found.pose == pytest.approx(true, abs=0.02)
+    assert localizer.rival is None, "the robot stands there"
+    followed(localizer, TWINS, np.tile(true, (TUNED.gather_scans, 1)), None)
+    assert localizer.rival == pytest.approx(true - APART, abs=0.03)
 
 
 def test_a_kidnapped_robot_says_so_and_is_found_again(known: ScanMap) -> None:

@@ -183,7 +183,7 @@ SURROUNDINGS: dict[str, Row] = {
         WARN,
         ITSELF,
         "the scans do not fit the pose that was given, or fit another place as well",
-        "does the robot stand there? give the pose again, nearer, and with the heading that it has",
+        "does the robot stand where it was given? give the pose again, nearer, and with the heading that it has",
     ),
     "PTH-01": Row("path missing", _LOADING, within=0.0),
     "PTH-02": Row("path with wrong points", _LOADING, within=0.0),
