@@ -7,7 +7,10 @@
      │  ├ DeviceTimeout                  also TimeoutError
      │  ├ DeviceLost                     also ConnectionError
      │  ├ DeviceBusy                     dropped a frame, may take the next
+     │  ├ NotReady                       a laser scanner that has not started yet
      │  ├ WrongDevice                    answers, but is not the one in the robot file
+     │  │  └ ScannerRefused              a laser scanner does not do what it is asked for
+     │  │     └ Unknown                  or knows nothing of the kind
      │  ├ NotKept                        reads back another value than was written
      │  ├ DeviceRestarted                began anew in the middle of what was done with it
      │  └ ProtocolError                  a malformed or unexpected frame; also ValueError

@@ -32,7 +32,7 @@ FEWEST, WIDTH = 5, radians(2.5)
 Indices = NDArray[np.int64]
 
 
-class Seen(NamedTuple):
+class NotedScan(NamedTuple):
     """A scan."""
 
     ranges: Array
@@ -45,7 +45,7 @@ class Seen(NamedTuple):
     """Of the first beam [s]."""
 
 
-WasFree = Callable[[Seen, Indices, Array], NDArray[np.bool_]]
+WasFree = Callable[[NotedScan, Indices, Array], NDArray[np.bool_]]
 """Whether nothing was by a scan where some beams end now: numbers of the beams, and their ranges [mm]."""
 _T = TypeVar("_T", np.float64, np.bool_)
 
@@ -66,28 +66,26 @@ class Approaches:
 
     def forget(self) -> None:
         """As if nothing had been seen."""
-        self._before: deque[Seen] = deque(maxlen=BRAKING)
+        self._before: deque[NotedScan] = deque(maxlen=BRAKING)
         self._from = self._stood = Pose(x=inf)
         self._time, self._turned = -inf, 0
         self._begin(0)
 
     def _begin(self, beams: int) -> None:
         self._farthest, self._standing, self._last = np.zeros(beams), np.zeros(beams), np.zeros(beams)
-        self._shown, self.came = np.zeros(beams, np.bool_), np.zeros(beams, np.bool_)
+        self._shown, self._came = np.zeros(beams, np.bool_), np.zeros(beams, np.bool_)
 
-    def note(self, seen: Seen) -> None:
+    def note(self, seen: NotedScan) -> None:
         """Keep a scan of a robot that drives: it counts once the robot is slow enough."""
         self._before.append(seen)
         self._from = Pose(x=inf)
 
-    def take(self, seen: Seen, increment: float) -> NDArray[np.bool_]:
+    def take(self, seen: NotedScan, increment: float) -> NDArray[np.bool_]:
         """Take a new scan of a robot that stands, or nearly; beams lie `increment` apart [rad].
 
-        `came` is then: the beams in which something is nearer than the least range that has come there, and shows
-        itself no more: where it was seen last, and from there on all beams that it hides from what they showed before.
-
         Returns:
-            Beams of which that was so until now, and which show that it went away.
+            Beams in which something is nearer than the least range that has come there, and shows itself no more:
+            where it was seen last, and from there on all beams that it hides from what they showed before.
         """
         self._before.append(seen)
         if self._moved(self._from, seen.pose) > STAYS or self._last.size != seen.ranges.size:
@@ -103,20 +101,20 @@ class Approaches:
                 self._add(scan, increment)
         else:
             self._add(seen, increment)
-        before, self.came = self.came, self._found(seen.ranges == 0.0, increment)
-        return self._gone(before, seen.shown)
+        self._came = self._found(seen.ranges == 0.0, increment)
+        return self._came
 
     def _moved(self, begin: Pose, end: Pose) -> float:
         """How far the scanner may have, at most [m]."""
         return hypot(end.x - begin.x, end.y - begin.y) + self._lever * abs(difference(end.heading, begin.heading))
 
-    def _add(self, seen: Seen, increment: float) -> None:
+    def _add(self, seen: NotedScan, increment: float) -> None:
         ranges, shown, pose, time = seen
         if (turned := round(difference(pose.heading, self._from.heading) / increment)) != self._turned:
             by, self._turned = self._turned - turned, turned
             self._farthest, self._standing = _shifted(self._farthest, by), _shifted(self._standing, by)
             self._last = _shifted(self._last, by)
-            self._shown, self.came = _shifted(self._shown, by), _shifted(self.came, by)
+            self._shown, self._came = _shifted(self._shown, by), _shifted(self._came, by)
         if self._moved(self._stood, pose) > STANDS:
             self._stood, self._standing = pose, np.zeros(ranges.size)
         told = ranges * shown
@@ -131,22 +129,14 @@ class Approaches:
         perhaps = (near & (self._farthest > self._last + CAME) & ~came).nonzero()[0]
         if perhaps.size:
             came[perhaps] = self._was_free(self._before[0], perhaps, self._last[perhaps])
-        if not (came.any() or self.came.any()):
+        if not (came.any() or self._came.any()):
             return came
         found, fewest = np.zeros_like(came), max(FEWEST, ceil(WIDTH / abs(increment)))
         for first, end in _runs(came):
             found[first:end] = end - first >= fewest
         for first, end in _runs(empty & self._shown):
-            found[first:end] |= self.came[max(first - fewest, 0) : end + fewest].any()
+            found[first:end] |= self._came[max(first - fewest, 0) : end + fewest].any()
         return found
-
-    def _gone(self, before: NDArray[np.bool_], shown: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Runs of beams in which something had come, and of which most show something again."""
-        gone = np.zeros_like(before)
-        for first, end in _runs(before):
-            gone[first:end] = 2 * np.count_nonzero(shown[first:end]) > end - first
-        self.came &= ~gone
-        return gone
 
 
 def _shifted(beams: NDArray[_T], places: int) -> NDArray[_T]:

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from artemis.motion.arrays import Array
+from artemis.motion.points import placed_points
 from artemis.motion.poses import placed
 from artemis.motion.sweep import Rectangle
-from artemis.motion.view import View, placed_points
+from artemis.motion.view import View
 from artemis.values import Pose
 
 Indices = NDArray[np.int64]

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from artemis.motion.angles import wrap
-from artemis.motion.approaches import Approaches, Seen
+from artemis.motion.approaches import Approaches, NotedScan
 from artemis.motion.arrays import Array
 from artemis.motion.beams import ScanPeriod, seeing, seen_twice, widened
 from artemis.motion.movers import NOTHING, Movers
+from artemis.motion.points import placed_points, points_from
 from artemis.motion.poses import placed, seen_from
 from artemis.motion.sweep import Rectangle
 from artemis.motion.totals import mean
@@ -151,8 +152,8 @@ class View:
             return
         moved = seen_from(before, pose)
         if not replaced:
-            self._points = _points_from(moved, self._points)
-        self._kept, self._coming = _points_from(moved, self._kept), _points_from(moved, self._coming)
+            self._points = points_from(moved, self._points)
+        self._kept, self._coming = points_from(moved, self._kept), points_from(moved, self._coming)
 
     def take(self, scan: Scan, now: float, speed: float, turn: float, *, creeping: bool) -> None:
         """Take a new scan.
@@ -172,7 +173,7 @@ class View:
         self._period.take(scan)
         self._time = scan.time + scan.beam_time * len(ranges)
         near = (ranges > 0.0) & (ranges < self._farthest)
-        seen = Seen(ranges, self.unmasked & (ranges >= self._least), self._pose, scan.time)
+        seen = NotedScan(ranges, self.unmasked & (ranges >= self._least), self._pose, scan.time)
         if creeping:
             self._look_for_approaches(seen)
         else:
@@ -204,7 +205,7 @@ class View:
         seen = placed(pose, Pose(x=-middle * speed, heading=-middle * turn))
         free = partial(self._was_free, seen, ranges)
         coming = self._movers.ahead(placed_points(pose, self._points), now, self._lookahead, free)
-        self._coming = _points_from(pose, coming)
+        self._coming = points_from(pose, coming)
 
     def _seen(self, ranges: Array, age: float, beam_time: float, speed: float, turn: float) -> Array:
         """Where all beams end [m], of a scan whose first beam is so old [s], by how the robot moves."""
@@ -285,15 +286,10 @@ class View:
         ends = ((beams >= 0) & self.unmasked[beams] & shown | self._box.holds(line)).nonzero()[0]
         self._kept = np.concatenate((self._kept, line[:, : ends[0] if ends.size else None]), 1)
 
-    def _look_for_approaches(self, seen: Seen) -> None:
-        """Remember what has come too near to be seen, wherever it may stand now, until it is seen to go away."""
+    def _look_for_approaches(self, seen: NotedScan) -> None:
+        """Remember what has come too near to be seen, wherever it may stand now."""
         assert self.shape is not None
-        gone = self._approaches.take(seen, self.shape[1])
-        if gone.any():
-            cells = self._cells(self._kept)
-            hidden = widened(gone, BESIDE)[self._beam_of.take(cells)] & (self._distance_of.take(cells) < self.least)
-            self._kept = self._kept.take((~hidden | (self._hides.take(cells) == inf)).nonzero()[0], 1)
-        came = self._approaches.came.nonzero()[0]
+        came = self._approaches.take(seen, self.shape[1]).nonzero()[0]
         if came.size:
             steps = np.arange(0.0, float(self.least), 1000.0 * float(THINNED))
             places = (self._directions[:, came, np.newaxis] * steps).reshape(2, -1) + self.place
@@ -349,9 +345,11 @@ class View:
         rest = 2 * BESIDE + 1 - width
         return np.asarray(np.minimum(least[:-rest], least[rest:]))
 
-    def _was_clear(self, before: Seen, beams: Indices, ranges: Array) -> NDArray[np.bool_]:
-        """Whether nothing was by a scan where beams of these ranges end now [mm]; just beyond the least range only what
-        showed something farther away says so."""
+    def _was_clear(self, before: NotedScan, beams: Indices, ranges: Array) -> NDArray[np.bool_]:
+        """Whether nothing was by a scan where beams of these ranges end now [mm].
+
+        Just beyond the least range only a beam that showed something farther away says so.
+        """
         there = placed_points(self._pose, self._directions[:, beams] * ranges + self.place)
         shown = np.where(before.shown, before.ranges, 1.0)
         return self._was_free(before.pose, shown, there, 0.0) | self._was_free(before.pose, before.ranges, there)
@@ -361,7 +359,7 @@ class View:
 
         Nearer than the least range, and `beyond` [mm], it sees nothing, be it free or not.
         """
-        bearings, distances = self.directions(_points_from(pose, points))
+        bearings, distances = self.directions(points_from(pose, points))
         beams = self.beams_past(bearings)
         beside = np.clip(beams[:, None] + np.arange(-FREE_BESIDE, FREE_BESIDE + 1), 0, len(ranges) - 1)
         seen = np.where(ranges[beside] == 0, FAR, ranges[beside]).min(axis=1)
@@ -385,21 +383,3 @@ class View:
         turned = np.where(turned > pi, turned - tau, np.where(turned <= -pi, turned + tau, turned))
         beams = np.rint((middle + turned - start) / increment).astype(np.int64)
         return np.where((beams >= 0) & (beams < count), beams, -1)
-
-
-def placed_points(origin: Pose, points: Array) -> Array:
-    """Points that are seen from `origin`, in the frame of `origin` itself; shape (2, n), as of `poses.placed`."""
-    c, s = cos(origin.heading), sin(origin.heading)
-    return np.array([origin.x + c * points[0] - s * points[1], origin.y + s * points[0] + c * points[1]])
-
-
-def _points_from(origin: Pose, points: Array) -> Array:
-    """Points as seen from `origin`: the inverse."""
-    if not points.size:
-        return points
-    s = sin(origin.heading)
-    moved = points - np.array(((origin.x,), (origin.y,)))
-    turned = moved[::-1] * np.array(((s,), (-s,)))
-    moved *= cos(origin.heading)
-    moved += turned
-    return np.asarray(moved)

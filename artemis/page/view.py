@@ -236,7 +236,9 @@ class PageView:
             "done": round(position.done, 2),
             "ran": None if (here := self._times.present) is None else [here.number, round(here.time, 1)],
             "track": None if tracking is None else [round(tracking.arc_length, 2), round(tracking.length, 2)],
-            "clear": None if free is None else [_finite(free.speed), _finite(free.distance), free.blocked],
+            "clear": None
+            if free is None
+            else [_finite(free.speed), _finite(free.distance), free.blocked, free.no_scan],
             "severity": int(snapshot.verdict.severity),
             "alarm": snapshot.verdict.alarm,
             "distance": round(snapshot.odometry.driven, 2),

@@ -239,7 +239,7 @@ class _Reader:
         clearance = points.clearance
         slowed = clearance is not None and clearance.speed < abs(tick.wish.command.speed) and clearance.distance < inf
         self._around.see(tick, slowed=slowed)
-        self._waited += snapshot.dt if clearance is not None and clearance.blocked else 0.0
+        self._waited += snapshot.dt if clearance is not None and clearance.holds else 0.0
         at = true or _NO_POSE
         row = [
             *(time, moment, estimated.x, estimated.y, estimated.heading),

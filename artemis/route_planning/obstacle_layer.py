@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from artemis.motion.angles import wrap
 from artemis.motion.beams import seeing
 from artemis.motion.ground import AROUND, STEP, TURN, looks_back
+from artemis.motion.points import placed_points
 from artemis.motion.poses import placed
 from artemis.motion.sweep import Rectangle
-from artemis.motion.view import View, placed_points
+from artemis.motion.view import View
 from artemis.mounting import Mounting
 from artemis.route_planning.floor import CELL, Array, Cells, Field, Floor
 from artemis.scan import Scan

@@ -13,8 +13,8 @@ from artemis.errors import ConfigError
 from artemis.motion.angles import wrap
 from artemis.motion.arrays import Array
 from artemis.motion.planned_route import packed_route, planned_route
+from artemis.motion.points import placed_points
 from artemis.motion.route import Route
-from artemis.motion.view import placed_points
 from artemis.route_planning.floor import (
     BESIDE,
     CELL,

@@ -239,7 +239,7 @@ def test_rows_that_a_robot_can_never_notice_say_so(capsys: pytest.CaptureFixture
     assert "never noticed on rear-driven: it needs a steering motor at each front wheel" in told
     assert told.count("never noticed") == 1
     show_faults([], False, ROBOTS / "small_car.yaml")
-    assert capsys.readouterr().out.count("never noticed on small-car: it needs") == 18
+    assert capsys.readouterr().out.count("never noticed on small-car: it needs") == 19
 
 
 def test_rows_that_none_of_a_robot_s_drives_reports_say_so(capsys: pytest.CaptureFixture[str]) -> None:
@@ -344,7 +344,7 @@ def test_a_lost_heartbeat_is_a_fault_or_ends_the_exchange_of_process_data(
 ABSOLUTE = {"angle": "absolute_encoder", "bits": 14, "mirrored": False, "zero_deg": 3.0}
 POTENTIOMETERS = {"zero_v": [2.5, 2.5], "slope_deg_per_v": [72.0, -72.0]}
 SWITCH = {"angle": "home_switch", "switch_deg": 5.0, "on_side": "right"}
-SCANNER = {f"LAS-0{number}" for number in (1, 2, 3, 5, 6, 7, 8)}
+SCANNER = {f"LAS-0{number}" for number in (1, 2, 3, 5, 6, 7, 8, 9)}
 SUPPLY = {"PWR-01", "PWR-02", "PWR-03"}
 SINGLE = {"RUN-05", "RUN-06"}
 """Rows that need two traction motors."""

@@ -353,6 +353,27 @@ def test_a_wall_that_noise_hides_now_and_then_has_not_come_nearer() -> None:
         assert found is None
 
 
+@pytest.mark.parametrize("speed", [0.05, 0.08])
+def test_a_door_frame_that_a_slow_robot_drives_through_has_not_come_nearer(speed: float) -> None:
+    frame = [[1.5, side * 0.4, 1.5, side * 3.0] for side in (1, -1)]
+    frame += [[1.6, side * 0.4, 1.6, side * 3.0] for side in (1, -1)] + [[1.5, 0.4, 1.6, 0.4], [1.5, -0.4, 1.6, -0.4]]
+    scene = Scene(np.concatenate((np.array(frame), HALL)))
+
+    assert drive(scene, Steady(speed), 3, seconds=2.0 / speed).driven > 1.95
+
+
+def test_waiting_goes_on_over_gaps_between_scans() -> None:
+    watch = Watch(least=0.1).known()
+    for _ in range(5):
+        for _ in range(100):
+            found = watch.look(ahead(0.2))
+        gap = [watch.look() for _ in range(30)]
+
+    assert gap[-1] == Clearance(speed=0.0, distance=0.0, no_scan=True)
+    assert found is not None
+    assert found.blocked > 10.0
+
+
 @pytest.mark.parametrize("least", [0.0, 0.5])
 def test_what_is_shown_within_the_least_range_counts_at_any_speed(least: float) -> None:
     """A device reports more than it has to."""

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from artemis.motion.points import placed_points
 from artemis.motion.sweep import Rectangle
-from artemis.motion.view import View, placed_points
+from artemis.motion.view import View
 from artemis.scan import Scan
 from artemis.values import Pose
 from artemis_lab.bench.obstacle_scenes import ANGLES, BEAMS, FARTHEST, FIELD, OUTLINE, PERIOD, SCANNER, Scene

@@ -32,7 +32,8 @@ export function showState(state) {
   $('mode-name').dataset.mode = mode;
   let words = phase;
   if (track) words = `${track[0].toFixed(1)} of ${track[1].toFixed(1)} m, ${Math.abs(sample[4] * 1000).toFixed(0)} mm ${sample[4] < 0 ? 'right' : 'left'} of the path`;
-  if (clear && clear[2] > 0) words = `stopped for an obstacle for ${clear[2].toFixed(0)} s`;
+  if (clear?.[3]) words = phase; // it waits for a scan
+  else if (clear && clear[2] > 0) words = `stopped for an obstacle for ${clear[2].toFixed(0)} s`;
   $('phase').textContent = words;
   if (mode !== lastMode && lastMode) announce(`Mode ${mode}. ${phase}`);
   lastMode = mode;
