@@ -17,8 +17,8 @@ from artemis.values import Pose
 CAME = 150.0
 """A thing has come nearer once a beam shows it nearer than it showed anything before by so much [mm]."""
 WALK, GAPS, LEAST_GAP = 2000.0, 2.0, 0.04
-"""It was seen last where somebody who walks so fast [mm/s] may be so many times between two scans before that;
-that time is at least so long [s]."""
+"""It was seen last no farther beyond the least range than somebody walks at this speed [mm/s] in so many periods of the
+scanner; a period counts as at least so long [s]."""
 STANDS, STAYS, BEGINS = 0.01, 0.1, 0.08
 """While the scanner has moved no farther than the first [m] another thing in a beam is there because it moved; up to
 the second it is only where nothing was before: edges of what stands go through the beams of a robot that moves. It
