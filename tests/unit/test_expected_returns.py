@@ -153,6 +153,12 @@ def test_odometry_that_begins_anew_uncovers_nothing() -> None:
     assert not watched.accept("front")
 
 
+def test_odometry_that_begins_anew_covers_nothing() -> None:
+    """The robot is as far from the middle of the room as before, on the other side, and does not know it."""
+    found, _ = look(room, lambda time: Pose(x=0.0 if time < 4.0 else 4.0, heading=0.0 if time < 4.0 else 1.0))
+    assert not found
+
+
 def opening(time: float) -> Sequence[Segment]:
     """A room with a gap of 1.5 m to open ground, 2 m away."""
     return [(-3, -2, 7, -2), (7, -2, 7, 2), (7, 2, 1.5, 2), (0, 2, -3, 2), (-3, 2, -3, -2)]

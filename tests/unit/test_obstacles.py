@@ -399,6 +399,20 @@ def test_rolls_away_from_what_is_within_the_margin(steering: float) -> None:
     assert back.speed == REVERSE_SPEED
 
 
+def test_a_robot_that_turns_about_itself_leaves_nothing_behind() -> None:
+    """Where the turning centre lies within the outline, what stands before it may come to stand beside it."""
+    robot = robot_with_scanner()
+    limits = robot.limits.model_copy(update={"steering_rate_wheel_deg_s": 2000.0, "steering_deg": 85.0})
+    watch = Watch(
+        ObstacleRules(mode="stop", unseen_reverse=True), 0.1, robot.model_copy(update={"limits": limits})
+    ).known()
+
+    found = [watch.look(ahead(0.18), command=-0.5, steering=radians(85.0)) for _ in range(60)][-1]
+
+    assert found is not None
+    assert found.speed == 0.0
+
+
 def test_starts_slowly_after_it_stood_for_long() -> None:
     """Somebody may have stepped up from where no scanner looks."""
     watch, speeds = Watch().known(), []
