@@ -48,8 +48,9 @@ EDGE_BEAMS, LINE_BEAMS = 5, 80
 RECEDES, STRAIGHT = 10.0, 0.05
 """A thing ends where it goes away from the scanner by more than this [mm]; a surface that is straight stays so near its
 line [m]."""
-CONTINUED = 60.0
-"""It goes on for so many cells (`THINNED`) of memory, at most."""
+CONTINUED, OWN = 60.0, 3.0
+"""It goes on for so many cells (`THINNED`) of memory, at most, and for so many times its own length: the direction of a
+short piece is uncertain."""
 
 Indices = NDArray[np.int64]
 
@@ -277,7 +278,8 @@ class View:
         else:
             return
         along = (dx * (x[0] - middle[0]) + dy * (y[0] - middle[1])) / length
-        steps = along + THINNED * np.arange(1.0, CONTINUED)
+        most = min(CONTINUED, OWN * 2.0 * length / float(THINNED))  # its halves lie half of its length apart
+        steps = along + THINNED * np.arange(1.0, most)
         line = np.array([middle[0] + dx / length * steps, middle[1] + dy / length * steps])
         bearings, distances = self.directions(line)
         beams = self.beams_past(bearings)

@@ -231,7 +231,7 @@ def drive(
                         outcome.contact = abs(points.speed)
         outcome.driven += abs(points.speed) * PERIOD
         outcome.fastest = max(outcome.fastest, abs(points.speed))
-        was_slow, slow = slow, clearance is not None and clearance.speed < 0.9 * min(abs(wish.command.speed), top)
+        was_slow, slow = slow, bool(tick) and ceiling < 0.9 * min(abs(wish.command.speed), top)  # first comes a scan
         outcome.slowed += slow and not was_slow
         pose = odometry.pose
         counted = points.speed * PERIOD * (1.0 + slip)

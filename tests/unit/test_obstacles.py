@@ -31,6 +31,7 @@ from artemis_lab.bench.obstacle_scenes import (
     random_drive,
     random_scene,
     robot_with_scanner,
+    straight,
 )
 
 STOP = ObstacleRules(mode="stop")
@@ -135,6 +136,15 @@ def test_stands_before_a_pole_of_2_cm(aside: float) -> None:
     scene = Scene(circles=np.array([[FRONT + 1.0, aside, 0.01]]))
 
     assert 0.05 <= drive(scene, Steady(0.7), 3, seconds=3.0).nearest <= 0.25
+
+
+@pytest.mark.parametrize("seed", [5, 24, 34])
+def test_a_narrow_corridor_goes_on_beside_the_start(seed: int) -> None:
+    """Its direction behind the scanner is that of few beams; with one seed the first scan comes late."""
+    outcome = straight(seed, corridor(0.90, 100.0), 3.0, dust=0.0)
+
+    assert outcome.slowed == 0
+    assert outcome.driven > 2.9
 
 
 @pytest.mark.parametrize("seed", [301, pytest.param(5, marks=pytest.mark.exhaustive)])
