@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from math import ceil, hypot, inf, radians
 from typing import NamedTuple, TypeVar
 
@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from artemis.motion.angles import difference
-from artemis.motion.arrays import Array
+from artemis.motion.arrays import Array, Indices
+from artemis.motion.beams import runs
 from artemis.values import Pose
 
 CAME = 150.0
@@ -27,9 +28,6 @@ BRAKING = 30
 """The last scans that are looked at then."""
 FEWEST, WIDTH = 5, radians(2.5)
 """So many neighbouring beams lose it together, and together they are so wide; fewer are dust, or an edge."""
-
-
-Indices = NDArray[np.int64]
 
 
 class NotedScan(NamedTuple):
@@ -132,9 +130,9 @@ class Approaches:
         if not (came.any() or self._came.any()):
             return came
         found, fewest = np.zeros_like(came), max(FEWEST, ceil(WIDTH / abs(increment)))
-        for first, end in _runs(came):
+        for first, end in runs(came):
             found[first:end] = end - first >= fewest
-        for first, end in _runs(empty & self._shown):
+        for first, end in runs(empty & self._shown):
             found[first:end] |= self._came[max(first - fewest, 0) : end + fewest].any()
         return found
 
@@ -147,9 +145,3 @@ def _shifted(beams: NDArray[_T], places: int) -> NDArray[_T]:
     else:
         found[:places] = beams[-places:]
     return found
-
-
-def _runs(some: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
-    """Of neighbouring beams: the first, and that after the last."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], some, [False]))))
-    return zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)

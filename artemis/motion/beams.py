@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -44,6 +44,12 @@ def seeing(degrees: NDArray[np.floating[Any]], mask: Sequence[tuple[float, float
 def widened(some: NDArray[np.bool_], count: int) -> NDArray[np.bool_]:
     """Some beams, and so many to both sides of each."""
     return np.asarray(np.convolve(some, np.ones(2 * count + 1), "same") > 0.5)
+
+
+def runs(some: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
+    """Of neighbouring beams: the first, and that after the last."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], some, [False]))))
+    return zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
 
 
 def seen_twice(some: NDArray[np.bool_], ranges: Array, before: Array) -> NDArray[np.bool_]:

@@ -8,14 +8,12 @@ from math import ceil, cos, hypot, inf, pi, radians, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from artemis.motion.arrays import Array
+from artemis.motion.arrays import Array, Indices
 from artemis.motion.points import placed_points
 from artemis.motion.poses import placed
 from artemis.motion.sweep import Rectangle
 from artemis.motion.view import View
 from artemis.values import Pose
-
-Indices = NDArray[np.int64]
 
 CELL = 0.05
 """Width of a cell [m]."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from artemis.motion.angles import wrap
 from artemis.motion.approaches import Approaches, NotedScan
-from artemis.motion.arrays import Array
+from artemis.motion.arrays import Array, Indices
 from artemis.motion.beams import ScanPeriod, seeing, seen_twice, widened
 from artemis.motion.movers import NOTHING, Movers
 from artemis.motion.points import placed_points, points_from
@@ -51,8 +51,6 @@ line [m]."""
 CONTINUED, OWN = 60.0, 3.0
 """It goes on for so many cells (`THINNED`) of memory, at most, and for so many times its own length: the direction of a
 short piece is uncertain."""
-
-Indices = NDArray[np.int64]
 
 
 class View:

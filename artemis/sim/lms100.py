@@ -66,7 +66,7 @@ class ClientLine:
     def receive(self, data: bytes) -> None:
         """Take bytes of the client; answers go to `send`."""
         for telegram in self._reader.feed(data):
-            if not self._device.is_deaf:
+            if not self._device.is_unresponsive:
                 self.send(framed(self._device.answer(telegram, self)))
 
 
@@ -151,7 +151,7 @@ class Lms100:
     # ---------------------------------------------------------------------------------------------- answers
 
     @property
-    def is_deaf(self) -> bool:
+    def is_unresponsive(self) -> bool:
         """It answers nothing."""
         return not self.answers_always and self._loop.time() < self._spinning_from
 

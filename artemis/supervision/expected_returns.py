@@ -95,14 +95,14 @@ class ExpectedReturns:
     def move(self, pose: Pose, *, uncounted: bool, frozen: bool) -> None:
         """Where the robot is by its odometry.
 
-        Where that was set anew, or the wheels may have rolled uncounted, nothing is known of the way; what is `frozen`,
-        because it does not return, is looked for as if the robot had not moved.
+        Where that was set anew, or the wheels may have rolled uncounted, nothing is known of the motion; what is
+        `frozen`, because it does not return, is looked for as if the robot had not moved.
         """
         before, self._pose = self._pose, pose
         if before is None:
             return
-        way = abs(pose.x - before.x) + abs(pose.y - before.y)
-        if uncounted or way > JUMP or abs(difference(pose.heading, before.heading)) > TURN:
+        moved = abs(pose.x - before.x) + abs(pose.y - before.y)
+        if uncounted or moved > JUMP or abs(difference(pose.heading, before.heading)) > TURN:
             if frozen:
                 self._keys = deque([self._carried(key, before, pose) for key in self._keys], KEPT)
             else:

@@ -9,7 +9,7 @@ from math import degrees, inf, radians
 import numpy as np
 from numpy.typing import NDArray
 
-from artemis.motion.beams import ScanPeriod, seeing
+from artemis.motion.beams import ScanPeriod, runs, seeing
 from artemis.mounting import Mounting
 from artemis.scan import Condition, Scan
 from artemis.supervision.expected_returns import APPROACH, ExpectedReturns, MissingReturns
@@ -173,7 +173,4 @@ def _share(part: NDArray[np.bool_], whole: NDArray[np.bool_]) -> float:
 
 def _longest(beams: NDArray[np.bool_]) -> int:
     """Of the runs of neighbours the longest."""
-    if not beams.any():
-        return 0
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], beams, [False]))))
-    return int((edges[1::2] - edges[::2]).max())
+    return max([end - first for first, end in runs(beams)], default=0)

@@ -312,7 +312,7 @@ def test_only_what_differs_is_set(asked: list[str]) -> None:
 
 
 @pytest.mark.parametrize("answer", [None, "sAN nothing"])
-def test_a_device_that_is_deaf_while_its_motor_changes_its_speed(
+def test_a_device_that_is_unresponsive_while_its_motor_changes_its_speed(
     answer: str | None, asked: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if answer is not None:
