@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 from artemis.motion.angles import difference
 from artemis.motion.arrays import Array, Indices
 from artemis.motion.beams import runs
+from artemis.motion.points import placed_points
 from artemis.values import Pose
 
 CAME = 150.0
-"""A thing has come nearer once a beam shows it nearer than it showed anything before by so much [mm]."""
+"""A thing has come nearer once a beam shows it nearer than it showed anything before by so much [mm]; else, if nothing
+was there in the first of the last scans."""
 WALK, GAPS, LEAST_GAP = 2000.0, 2.0, 0.04
 """It was seen last no farther beyond the least range than somebody walks at this speed [mm/s] in so many periods of the
 scanner; a period counts as at least so long [s]."""
@@ -25,7 +27,7 @@ STANDS, STAYS, BEGINS = 0.01, 0.1, 0.08
 the second it is only where nothing was before: edges of what stands go through the beams of a robot that moves. It
 begins with what it saw from places no farther than the last from where it is [m], as at the end of braking."""
 BRAKING = 30
-"""The last scans that are looked at then."""
+"""The last scans that are kept."""
 FEWEST, WIDTH = 5, radians(2.5)
 """So many neighbouring beams lose it together, and together they are so wide; fewer are dust, or an edge."""
 
@@ -43,23 +45,25 @@ class NotedScan(NamedTuple):
     """Of the first beam [s]."""
 
 
-WasFree = Callable[[NotedScan, Indices, Array], NDArray[np.bool_]]
-"""Whether nothing was by a scan where some beams end now: numbers of the beams, and their ranges [mm]."""
+WasFree = Callable[[NotedScan, Indices, Array, Array], NDArray[np.bool_]]
+"""Whether nothing was by a scan where some beams ended since: numbers of the beams, their ranges [mm], and where the
+scanner was, shape (2, n) in the frame of the odometry [m]."""
 _T = TypeVar("_T", np.float64, np.bool_)
 
 
 class Approaches:
-    """Of each beam: the farthest and the last return since the scanner is about where it is."""
+    """Of each beam: the farthest return while the scanner stands, and the last one since it is about where it is."""
 
-    def __init__(self, least: float, lever: float, was_free: WasFree) -> None:
+    def __init__(self, least: float, place: Array, was_free: WasFree) -> None:
         """Begin: nothing comes.
 
         Args:
             least: range below which the scanner need not report anything [mm].
-            lever: how far from the rear axle it is mounted [m].
+            place: where it is mounted, in the frame of the rear axle, shape (2, 1) [m].
             was_free: compares two scans, by the odometry.
         """
-        self._least, self._lever, self._was_free = least, lever, was_free
+        self._least, self._place, self._was_free = least, place, was_free
+        self._lever = hypot(*place.ravel().tolist())
         self.forget()
 
     def forget(self) -> None:
@@ -70,8 +74,8 @@ class Approaches:
         self._begin(0)
 
     def _begin(self, beams: int) -> None:
-        self._farthest, self._standing, self._last = np.zeros(beams), np.zeros(beams), np.zeros(beams)
-        self._shown, self._came = np.zeros(beams, np.bool_), np.zeros(beams, np.bool_)
+        self._standing, self._last, self._places = np.zeros(beams), np.zeros(beams), np.zeros((2, beams))
+        self._empty = self._came = self._hidden = np.zeros(beams, np.bool_)
 
     def note(self, seen: NotedScan) -> None:
         """Keep a scan of a robot that drives: it counts once the robot is slow enough."""
@@ -99,8 +103,8 @@ class Approaches:
                 self._add(scan, increment)
         else:
             self._add(seen, increment)
-        self._came = self._found(seen.ranges == 0.0, increment)
-        return self._came
+        self._hidden = self._found(seen.ranges == 0.0, increment)
+        return self._hidden
 
     def _moved(self, begin: Pose, end: Pose) -> float:
         """How far the scanner may have, at most [m]."""
@@ -110,30 +114,33 @@ class Approaches:
         ranges, shown, pose, time = seen
         if (turned := round(difference(pose.heading, self._from.heading) / increment)) != self._turned:
             by, self._turned = self._turned - turned, turned
-            self._farthest, self._standing = _shifted(self._farthest, by), _shifted(self._standing, by)
-            self._last = _shifted(self._last, by)
-            self._shown, self._came = _shifted(self._shown, by), _shifted(self._came, by)
+            self._standing, self._empty = _shifted(self._standing, by), _shifted(self._empty, by)
+            self._last, self._places = _shifted(self._last, by), _shifted(self._places, by)
+            self._came, self._hidden = _shifted(self._came, by), _shifted(self._hidden, by)
         if self._moved(self._stood, pose) > STANDS:
             self._stood, self._standing = pose, np.zeros(ranges.size)
         told = ranges * shown
-        self._farthest, self._standing = np.maximum(self._farthest, told), np.maximum(self._standing, told)
-        self._shown = self._shown | shown
+        self._standing = np.maximum(self._standing, told)
         self._last = np.where(shown, told, self._last)
+        self._places = np.where(shown, placed_points(pose, self._place), self._places)
         self._reach, self._time = self._least + WALK * GAPS * max(time - self._time, LEAST_GAP), time
 
     def _found(self, empty: NDArray[np.bool_], increment: float) -> NDArray[np.bool_]:
-        near = empty & (self._last > 0.0) & (self._last < self._reach)
-        came = near & (self._standing > self._last + CAME)
-        perhaps = (near & (self._farthest > self._last + CAME) & ~came).nonzero()[0]
-        if perhaps.size:
-            came[perhaps] = self._was_free(self._before[0], perhaps, self._last[perhaps])
-        if not (came.any() or self._came.any()):
-            return came
-        found, fewest = np.zeros_like(came), max(FEWEST, ceil(WIDTH / abs(increment)))
-        for first, end in runs(came):
+        near = (self._last > 0.0) & (self._last < self._reach)
+        lost = (empty & ~self._empty & near).nonzero()[0]
+        self._empty, self._came = empty, self._came & empty
+        if lost.size:
+            came = self._standing[lost] > self._last[lost] + CAME
+            if not came.all():
+                came |= self._was_free(self._before[0], lost, self._last[lost], self._places[:, lost])
+            self._came[lost] = came
+        if not (self._came.any() or self._hidden.any()):
+            return self._came
+        found, fewest = np.zeros_like(empty), max(FEWEST, ceil(WIDTH / abs(increment)))
+        for first, end in runs(self._came):
             found[first:end] = end - first >= fewest
-        for first, end in runs(empty & self._shown):
-            found[first:end] |= self._came[max(first - fewest, 0) : end + fewest].any()
+        for first, end in runs(empty & (self._last > 0.0)):
+            found[first:end] |= self._hidden[max(first - fewest, 0) : end + fewest].any()
         return found
 
 
@@ -141,7 +148,7 @@ def _shifted(beams: NDArray[_T], places: int) -> NDArray[_T]:
     """To other numbers; of what comes into view nothing is known."""
     found = np.zeros_like(beams)
     if places >= 0:
-        found[places:] = beams[: len(beams) - places]
+        found[..., places:] = beams[..., : beams.shape[-1] - places]
     else:
-        found[:places] = beams[-places:]
+        found[..., :places] = beams[..., -places:]
     return found

@@ -77,7 +77,7 @@ class View:
         """Of the scanner [m]."""
         self.least = round(1000.0 * scanner.least_range_m)
         self._least: Array = np.array(float(self.least))
-        self._approaches = Approaches(float(self.least), hypot(scanner.x_m, scanner.y_m), self._was_clear)
+        self._approaches = Approaches(float(self.least), self.place, self._was_clear)
         self._far = round(1000.0 * (reach + FASTEST_WALK * lookahead))
         self.shape: tuple[float, float, int] | None = None
         """Bearing of the first beam, from one to the next [rad], and how many there are; None: no scan has come."""
@@ -345,12 +345,12 @@ class View:
         rest = 2 * BESIDE + 1 - width
         return np.asarray(np.minimum(least[:-rest], least[rest:]))
 
-    def _was_clear(self, before: NotedScan, beams: Indices, ranges: Array) -> NDArray[np.bool_]:
-        """Whether nothing was by a scan where beams of these ranges end now [mm].
+    def _was_clear(self, before: NotedScan, beams: Indices, ranges: Array, places: Array) -> NDArray[np.bool_]:
+        """Whether nothing was by a scan where beams of these ranges [mm] ended with the scanner at these places.
 
         Just beyond the least range only a beam that showed something farther away says so.
         """
-        there = placed_points(self._pose, self._directions[:, beams] * ranges + self.place)
+        there = placed_points(Pose(heading=self._pose.heading), self._directions[:, beams] * ranges) + places
         shown = np.where(before.shown, before.ranges, 1.0)
         return self._was_free(before.pose, shown, there, 0.0) | self._was_free(before.pose, before.ranges, there)
 

@@ -39,6 +39,7 @@ from artemis_lab.bench.obstacle_scenes import (
     crossed,
     random_drive,
     robot_with_scanner,
+    stepped_in,
     straight,
 )
 
@@ -100,6 +101,18 @@ def persons(pool: Executor, scenes: int, first: int, done: Callable[[], object])
     share = fast / max(1, len(contacts))
     words = f"{fast} of {len(contacts)} contacts in {scenes} scenes ({100 * share:.1f} %)"
     return Bar("person crossing at 1.5 m/s, contact faster than 0.1 m/s", "< 3 % of contacts", words, share < FEW)
+
+
+def who_stays(pool: Executor, scenes: int, first: int, done: Callable[[], object]) -> Bar:
+    """A person who steps in where the robot brakes, and stays within the least range of the scanner."""
+    contacts: list[int] = []
+    for seed, outcome in enumerate(pool.map(stepped_in, range(first, first + scenes), chunksize=10), first):
+        done()
+        if outcome.contact:  # a robot that stands may be touched
+            contacts.append(seed)
+    words = f"{len(contacts)} in {scenes} scenes"
+    words += f"; seeds {', '.join(map(str, contacts[:5]))}" if contacts else ""
+    return Bar("person who steps in and stays, contact while driving", "0", words, not contacts)
 
 
 def slow_downs(pool: Executor, metres: float, first: int, done: Callable[[], object]) -> Iterator[Bar]:

@@ -295,6 +295,36 @@ def crossing(seed: int) -> tuple[Scene, float]:
     return Scene(circles=np.array([[x - walk[0] * meet, y - walk[1] * meet, 0.2]]), moves=np.array([walk])), meet
 
 
+@dataclass(slots=True, kw_only=True)
+class SteppingIn(Scene):
+    """Who moves stops so near the outline [m], and stays."""
+
+    gap: float
+
+    @property
+    def fastest(self) -> float:
+        """The distance is asked in each step."""
+        return math.inf
+
+    def distance(self, x: float, y: float, heading: float) -> float:
+        """As of any scene."""
+        found = Scene.distance(self, x, y, heading)
+        if found < self.gap:
+            self.moves = np.zeros_like(self.moves)
+        return found
+
+
+def stepping_in(seed: int) -> tuple[SteppingIn, float]:
+    """A person who walks to where the robot brakes, and stays; when that is [s]. In a hall or on open ground."""
+    dice = np.random.default_rng(seed)
+    meet, turn, walk = dice.uniform([1.5, math.radians(-150.0), 0.4], [3.0, math.radians(150.0), 1.6])
+    x, y = 0.7 * (meet - 0.7) + OUTLINE.front_m + dice.uniform(0.0, 0.4), dice.uniform(-0.2, 0.2)
+    vx, vy = -walk * math.cos(turn), -walk * math.sin(turn)
+    hall = [[-9, -6, 9, -6], [9, -6, 9, 6], [9, 6, -9, 6], [-9, 6, -9, -6]] if dice.random() < 0.5 else []
+    circles, moves = np.array([[x - vx * meet, y - vy * meet, 0.15]]), np.array([[vx, vy]])
+    return SteppingIn(np.array(hall, float).reshape(-1, 4), circles, moves, gap=dice.uniform(0.05, 0.35)), meet
+
+
 class Steady(Driver):
     """Wishes one speed [m/s] and angle [rad]."""
 
@@ -306,6 +336,12 @@ def crossed(seed: int) -> Passage:
     """A robot at full speed, and such a person."""
     scene, meet = crossing(seed)
     return drive(scene, Steady(0.7), seed, seconds=meet + 1.0)
+
+
+def stepped_in(seed: int) -> Passage:
+    """A robot at full speed, and such a person, who does not go away again."""
+    scene, meet = stepping_in(seed)
+    return drive(scene, Steady(0.7), seed, seconds=meet + 8.0)
 
 
 def straight(seed: int, scene: Scene, distance: float, dust: float) -> Passage:
