@@ -34,8 +34,7 @@ from artemis.values import Pose, Snapshot, Tick
 CHUNK_SIZE = 256 * 1024
 """Bytes (before compression) that are written at once; a killed run loses less than this."""
 FLUSH_PERIOD, FAST_FLUSH_PERIOD = 0.2, 0.4
-"""What is older than this [s] is with the operating system: in real time, and on virtual time. Ticks are encoded
-together then: one by one, between other code, each takes three times as long."""
+"""What is older than this [s] is with the operating system: in real time, and on virtual time."""
 POSE_PERIOD = 0.1
 """Poses and transforms for viewers come this often [s]; `/tick` holds those of every tick."""
 QUEUE_TICKS = 500
@@ -89,7 +88,6 @@ class Recorder:
         self._driven = 0.0
         self._flush_period = FLUSH_PERIOD if threaded else FAST_FLUSH_PERIOD
         self._next_flush = self._flush_period
-        self._waiting: list[_Observed] = []
         self._late, self._lost = _Gaps(), _Gaps()
         self._told_late = 0
         self._marked = 0
@@ -195,32 +193,24 @@ class Recorder:
         self._end_recording(Trouble("DSK-05", f"{self._path.name}: writing it has failed: {error!r}", journal=True))
 
     def _record(self, observed: _Observed) -> None:
-        sensed = observed[0].snapshot.sensed
-        self._index = sensed.index
-        if self._data_trouble is not None:
+        tick = observed[0]
+        self._index = tick.snapshot.sensed.index
+        if self._data_trouble is None:
+            self._keep(self._write_tick, *observed)
+        else:
             self._lost.add(self._index)
-            return
-        self._waiting.append(observed)
-        if sensed.time >= self._next_flush:
-            self._next_flush = sensed.time + self._flush_period
-            self._keep(self._writer.flush)
 
     def _keep(self, action: Callable[..., None], *arguments: object) -> None:
         """Write to the recording, unless it ended when the disk refused; then what was not written yet is lost."""
         if self._data_trouble is None:
             try:
-                for observed in self._waiting:
-                    self._write_tick(*observed)
-                self._waiting.clear()
                 action(*arguments)
             except OSError as error:
                 self._end_recording(trouble(error, self._path))
 
     def _end_recording(self, why: Trouble) -> None:
         first = self._writer.first_waiting(self._channels["/tick"])
-        if first is None:
-            first = self._waiting[0][0].snapshot.sensed.index if self._waiting else self._index + 1
-        self._waiting.clear()
+        first = self._index + 1 if first is None else first
         self._lost.add(first, self._index + 1 - first)
         self._data_trouble = why
 
@@ -287,6 +277,9 @@ class Recorder:
             self._write_poses(at, tick.snapshot, true_pose)
         for scan in sensed.scans:
             self._write_scan(scan)
+        if sensed.time >= self._next_flush:
+            self._next_flush = sensed.time + self._flush_period
+            self._writer.flush()
 
     def _write_poses(self, at: int, snapshot: Snapshot, true_pose: Pose | None) -> None:
         """Where the robot is and the frames of that: `base_link` in `odom`, and this in `map` once there is one."""

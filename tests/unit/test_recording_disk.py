@@ -33,7 +33,7 @@ class Stall:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.stalled, self.goes_on = Event(), Event()
-        write: Callable[..., None] = Recorder._record
+        write: Callable[..., None] = Recorder._write_tick
 
         def stalling(recorder: Recorder, *arguments: object) -> None:
             self.stalled.set()
@@ -41,7 +41,7 @@ class Stall:
             write(recorder, *arguments)
 
         monkeypatch.setattr(mcap_writer, "QUEUE_TICKS", 5)
-        monkeypatch.setattr(Recorder, "_record", stalling)
+        monkeypatch.setattr(Recorder, "_write_tick", stalling)
 
 
 def test_a_stalled_disk_costs_the_oldest_ticks_and_delays_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
