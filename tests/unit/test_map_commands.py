@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from shutil import copy
 
 import numpy as np
 import pytest
@@ -41,6 +42,22 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return written(tmp_path_factory.mktemp("log") / "office.clf", WAY, 0.95)
 
 
+@pytest.fixture(scope="module")
+def built(log: Path) -> Path:
+    """A map of it."""
+    made = log.parent / "begun.yaml"
+    call("build", log, "-o", made)
+    return made
+
+
+@pytest.fixture
+def begun(built: Path, tmp_path: Path) -> Path:
+    """A copy of it."""
+    for suffix in (".yaml", ".pgm", ".graph"):
+        copy(built.with_suffix(suffix), tmp_path)
+    return tmp_path / built.name
+
+
 def test_a_map_is_built_shown_and_edited(log: Path, tmp_path: Path) -> None:
     made, edited = tmp_path / "office.yaml", tmp_path / "edited.yaml"
     assert "matched nowhere" in call("build", log, "-o", made)
@@ -64,10 +81,8 @@ def test_a_map_is_built_shown_and_edited(log: Path, tmp_path: Path) -> None:
     assert "none: there is no edited.graph" in call("show", edited, "-o", tmp_path / "b.svg")
 
 
-def test_the_graph_of_a_map_knows_where_the_robot_was(log: Path, tmp_path: Path) -> None:
-    made = tmp_path / "office.yaml"
-    call("build", log, "-o", made)
-    by_map = MapTrajectory(made)
+def test_the_graph_of_a_map_knows_where_the_robot_was(begun: Path, tmp_path: Path) -> None:
+    by_map = MapTrajectory(begun)
     count = len(WAY) // 2
     middle = by_map.at(0.1 * count)
     assert middle is not None
@@ -103,36 +118,33 @@ def test_a_further_run_from_elsewhere_is_refused(log: Path, tmp_path: Path) -> N
     assert not (tmp_path / "two.yaml").exists()
 
 
-def test_what_cannot_be_is_refused(log: Path, tmp_path: Path) -> None:
-    made = tmp_path / "m.yaml"
+def test_what_cannot_be_is_refused(log: Path, begun: Path, tmp_path: Path) -> None:
     assert "name the map .yaml" in refused("build", log, "-o", tmp_path / "m.png")
-    assert "expected 0.005 to 1 m" in refused("build", log, "-o", made, "--resolution", "7")
-    assert "cannot be read" in refused("build", tmp_path / "none.clf", "-o", made)
+    assert "expected 0.005 to 1 m" in refused("build", log, "-o", tmp_path / "m.yaml", "--resolution", "7")
+    assert "cannot be read" in refused("build", tmp_path / "none.clf", "-o", tmp_path / "m.yaml")
     (tmp_path / "empty.clf").write_text("# nothing\n")
-    assert "no scan has a point" in refused("build", tmp_path / "empty.clf", "-o", made)
-    call("build", log, "-o", made)
-    assert "exists already" in refused("build", log, "-o", made)
+    assert "no scan has a point" in refused("build", tmp_path / "empty.clf", "-o", tmp_path / "m.yaml")
+    assert "exists already" in refused("build", log, "-o", begun)
     zones = tmp_path / "new.zones.yaml"
     zones.write_text("places: {}\n")
     assert "new.zones.yaml: exists already" in refused("build", log, "-o", tmp_path / "new.yaml")
     told = call("build", log, "-o", tmp_path / "new.yaml", "--force")
     assert "new.zones.yaml stays: its zones and places count on the new map" in told
-    assert "name it .png" in refused("show", made, "-o", tmp_path / "m.txt")
+    assert "name it .png" in refused("show", begun, "-o", tmp_path / "m.txt")
     other = tmp_path / "n.yaml"
-    assert "no loop 999" in refused("edit", made, "-o", other, "--undo-loop", "999")
-    assert "nothing of the map lies there" in refused("edit", made, "-o", other, "--crop", "90,90,99,99")
-    assert "expected two opposite corners" in refused("edit", made, "-o", other, "--crop", "1,1,1,5")
-    assert "is an image: name the YAML file" in refused("show", made.with_suffix(".pgm"))
-    assert "--no-go 1,1,2: expected 6 numbers or more" in refused("edit", made, "-o", other, "--no-go", "1,1,2")
-    made.with_suffix(".graph").unlink()
-    assert "no such file" in refused("edit", made, "-o", other, "--undo-loop", "1")
+    assert "no loop 999" in refused("edit", begun, "-o", other, "--undo-loop", "999")
+    assert "nothing of the map lies there" in refused("edit", begun, "-o", other, "--crop", "90,90,99,99")
+    assert "expected two opposite corners" in refused("edit", begun, "-o", other, "--crop", "1,1,1,5")
+    assert "is an image: name the YAML file" in refused("show", begun.with_suffix(".pgm"))
+    assert "--no-go 1,1,2: expected 6 numbers or more" in refused("edit", begun, "-o", other, "--no-go", "1,1,2")
+    begun.with_suffix(".graph").unlink()
+    assert "no such file" in refused("edit", begun, "-o", other, "--undo-loop", "1")
 
 
 @pytest.mark.slow
-def test_a_map_is_gone_on_with(log: Path, tmp_path: Path) -> None:
+def test_a_map_is_gone_on_with(begun: Path, tmp_path: Path) -> None:
     """The second run begins in the middle of the map, drives where the first was, and on into another room."""
-    begun, more = tmp_path / "begun.yaml", tmp_path / "more.yaml"
-    call("build", log, "-o", begun)
+    more = tmp_path / "more.yaml"
     further = driven([(0, 0.5), (0, 1.0), (0, 4.0), (3, 4.5), (0, 4), (0, 0)], 0.25)
     second = written(tmp_path / "second.clf", further, 1.05)
     call("build", second, "--continue", begun, "-o", more)
@@ -157,9 +169,8 @@ places:
 """
 
 
-def test_zones_and_places_go_with_a_map_that_is_continued(log: Path, tmp_path: Path) -> None:
-    begun, more = tmp_path / "begun.yaml", tmp_path / "more.yaml"
-    call("build", log, "-o", begun)
+def test_zones_and_places_go_with_a_map_that_is_continued(log: Path, begun: Path, tmp_path: Path) -> None:
+    more = tmp_path / "more.yaml"
     (tmp_path / "begun.zones.yaml").write_text(ZONES)
     told = call("build", log, "--continue", begun, "-o", more)
     assert (tmp_path / "more.zones.yaml").read_text() == ZONES
@@ -172,9 +183,8 @@ def test_zones_and_places_go_with_a_map_that_is_continued(log: Path, tmp_path: P
     assert "begun.zones.yaml:1:1: zones" in refused("build", log, "--continue", begun, "-o", tmp_path / "third.yaml")
 
 
-def test_painted_areas_are_not_lost_unasked(log: Path, tmp_path: Path) -> None:
-    begun, shut, more = (tmp_path / f"{name}.yaml" for name in ("begun", "shut", "more"))
-    call("build", log, "-o", begun)
+def test_painted_areas_are_not_lost_unasked(log: Path, begun: Path, tmp_path: Path) -> None:
+    shut, more = (tmp_path / f"{name}.yaml" for name in ("shut", "more"))
     call("edit", begun, "-o", tmp_path / "turned.yaml", "--rotate", "30")
     call("build", log, "--continue", tmp_path / "turned.yaml", "-o", tmp_path / "on.yaml")  # drawn anew: not painted
     call("edit", begun, "-o", shut, "--no-go", "1,1,2,1,2,2,1,2")
@@ -198,10 +208,9 @@ def test_painted_areas_are_not_lost_unasked(log: Path, tmp_path: Path) -> None:
     ids=["line", "corner", "pair", "few single ones", "many single ones"],
 )
 def test_single_cells_differ_by_rounding_and_lines_are_painted(
-    log: Path, tmp_path: Path, places: list[tuple[int, int]], lost: bool
+    built: Path, places: list[tuple[int, int]], lost: bool
 ) -> None:
-    call("build", log, "-o", tmp_path / "begun.yaml")
-    graph = read_graph(tmp_path / "begun.graph")
+    graph = read_graph(built.with_suffix(".graph"))
     drawn = occupancy(graph.keys)
     cells = drawn.cells.copy()
     cells[tuple(zip(*places, strict=True))] = OCCUPIED
@@ -210,10 +219,9 @@ def test_single_cells_differ_by_rounding_and_lines_are_painted(
     assert bool(said) is lost
 
 
-def test_a_map_that_an_earlier_version_rotated_can_be_continued(log: Path, tmp_path: Path) -> None:
+def test_a_map_that_an_earlier_version_rotated_can_be_continued(log: Path, begun: Path, tmp_path: Path) -> None:
     """It turned the image cell by cell, and the graph."""
-    begun, turned, more = (tmp_path / f"{name}.yaml" for name in ("begun", "turned", "more"))
-    call("build", log, "-o", begun)
+    turned, more = (tmp_path / f"{name}.yaml" for name in ("turned", "more"))
     graph = read_graph(begun.with_suffix(".graph"))
     graph.turned(0.5)
     write_map(turned, read_map(begun).rotated(0.5), graph)
@@ -234,26 +242,23 @@ def test_who_moves_walls_says_which_zones_and_places_stay(capsys: pytest.Capture
     assert capsys.readouterr().out.splitlines() == [f"{'notice':<12}{said}"]
 
 
-def test_an_undone_loop_says_what_stays(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    made = tmp_path / "made.yaml"
-    call("build", log, "-o", made)
-    (tmp_path / "made.zones.yaml").write_text(ZONES)
+def test_an_undone_loop_says_what_stays(begun: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "begun.zones.yaml").write_text(ZONES)
     moved: list[tuple[MapZones, float]] = []
 
     def note(known: MapZones, old: Array, new: Array, cell: float) -> None:
         moved.append((known, float(np.abs(new - old).max())))
 
     monkeypatch.setattr(map_edit, "say_moved", note)
-    number = next(iter(read_graph(tmp_path / "made.graph").graph.loops))
-    call("edit", made, "-o", tmp_path / "other.yaml", "--undo-loop", str(number), "--rotate", "90")
+    number = next(iter(read_graph(tmp_path / "begun.graph").graph.loops))
+    call("edit", begun, "-o", tmp_path / "other.yaml", "--undo-loop", str(number), "--rotate", "90")
     ((known, most),) = moved
     assert list(known.places) == ["dock"]
     assert 0.0 < most < 0.1, "of the loop alone, not of the rotation"
 
 
-def test_a_map_is_not_continued_from_elsewhere(log: Path, tmp_path: Path) -> None:
-    begun, other = tmp_path / "begun.yaml", tmp_path / "other.yaml"
-    call("build", log, "-o", begun)
+def test_a_map_is_not_continued_from_elsewhere(log: Path, begun: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other.yaml"
     tent = walls([(-2, -1), (7, -2), (3, 4), (-2, -1)])
     elsewhere = written(tmp_path / "e.clf", driven([(0, 0), (3, 0)], 0.25), 1.0, tent)
     assert "its first scans fit nowhere on" in refused("build", elsewhere, "--continue", begun, "-o", other)
