@@ -33,7 +33,9 @@ class Session:
         self._dialogue = ColaDialogue(name, self._place)
         self._device = DeviceClock()
         self._garbled = self._strange = 0
-        """Telegrams since the last scan that could not be read; those that could, and had no distances."""
+        """Telegrams since the last scan that could not be read; those that could, and are not as they were set."""
+        self._shape: tuple[int, ...] = ()
+        """Of the session's scans."""
         self._counter: int | None = None
 
     async def hold(self, clock: Callable[[], float], give: Callable[[Scan], None]) -> None:
@@ -61,7 +63,7 @@ class Session:
 
     async def _hold(self, clock: Callable[[], float], give: Callable[[Scan], None]) -> None:
         self._dialogue, self._device = ColaDialogue(self._name, self._place), DeviceClock()
-        self._garbled, self._strange, self._counter = 0, 0, None
+        self._garbled, self._strange, self._counter, self._shape = 0, 0, None, ()
         dialogue, loop = self._dialogue, asyncio.get_running_loop()
         await dialogue.connect(self._dial, self._setting.host, self._setting.port)
         await dialogue.begin()
@@ -89,7 +91,8 @@ class Session:
                 pass
         problem = f"no scan within {SILENCE:g} s"
         if self._strange:
-            problem = f"{self._strange} telegrams without DIST1: does another program configure it?"
+            problem = f"{self._strange} telegrams without DIST1, or of another frequency, resolution or range"
+            problem += ": does another program configure it?"
         elif unread := self._garbled + self._dialogue.reader.dropped:
             problem += f": {unread} damaged telegrams"
         raise DeviceTimeout(self._name, problem)
@@ -111,6 +114,11 @@ class Session:
             raise TelegramError("a scan without DIST1")
         if not distances.values or distances.step == 0 or told.frequency == 0:
             raise TelegramError("a scan without distances")
+        shape = round(told.frequency, -2), distances.start, distances.step, len(distances.values)
+        self._shape = self._shape or shape
+        if shape != self._shape:
+            self._strange += 1
+            raise TelegramError("a scan of another shape")
         beam_time = distances.step / 3_600_000 / (told.frequency / 100)
         last = len(distances.values) // 2 * beam_time
         started = self._device.to_ours(told.started_us, now - last)
