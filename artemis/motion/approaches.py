@@ -22,11 +22,10 @@ was there in the first of the last scans."""
 WALK, GAPS, LEAST_GAP = 2000.0, 2.0, 0.04
 """It was seen last no farther beyond the least range than somebody walks at this speed [mm/s] in so many periods of the
 scanner; a period counts as at least so long [s]."""
-STANDS, STAYS, BEGINS = 0.01, 0.1, 0.08
+STANDS, STAYS = 0.01, 0.1
 """While the scanner has moved no farther than the first [m] another thing in a beam is there because it moved; up to
-the second it is only where nothing was before: edges of what stands go through the beams of a robot that moves. It
-begins with what it saw from places no farther than the last from where it is [m], as at the end of braking."""
-BRAKING = 30
+the second it is only where nothing was before: edges of what stands go through the beams of a robot that moves."""
+KEPT = 50
 """The last scans that are kept."""
 FEWEST, WIDTH = 5, radians(2.5)
 """So many neighbouring beams lose it together, and together they are so wide; fewer are dust, or an edge."""
@@ -48,62 +47,60 @@ class NotedScan(NamedTuple):
 WasFree = Callable[[NotedScan, Indices, Array, Array], NDArray[np.bool_]]
 """Whether nothing was by a scan where some beams ended since: numbers of the beams, their ranges [mm], and where the
 scanner was, shape (2, n) in the frame of the odometry [m]."""
+Remembered = Callable[[], NDArray[np.bool_]]
+"""The beams towards what is remembered nearer than the least range."""
 _T = TypeVar("_T", np.float64, np.bool_)
 
 
 class Approaches:
-    """Of each beam: the farthest return while the scanner stands, and the last one since it is about where it is."""
+    """Of each beam: the last return, and the farthest one while the scanner stands."""
 
-    def __init__(self, least: float, place: Array, was_free: WasFree) -> None:
+    def __init__(self, least: float, place: Array, was_free: WasFree, remembered: Remembered) -> None:
         """Begin: nothing comes.
 
         Args:
             least: range below which the scanner need not report anything [mm].
             place: where it is mounted, in the frame of the rear axle, shape (2, 1) [m].
             was_free: compares two scans, by the odometry.
+            remembered: asked where something stands nearer than the least range.
         """
-        self._least, self._place, self._was_free = least, place, was_free
+        self._least, self._place, self._was_free, self._remembered = least, place, was_free, remembered
         self._lever = hypot(*place.ravel().tolist())
         self.forget()
 
     def forget(self) -> None:
         """As if nothing had been seen."""
-        self._before: deque[NotedScan] = deque(maxlen=BRAKING)
-        self._from = self._stood = Pose(x=inf)
-        self._time, self._turned = -inf, 0
         self._begin(0)
 
     def _begin(self, beams: int) -> None:
+        self._before: deque[NotedScan] = deque(maxlen=KEPT)
+        self._from = self._stood = Pose(x=inf)
+        self._aligned, self._time, self._reach = 0.0, -inf, self._least + WALK * GAPS * LEAST_GAP
         self._standing, self._last, self._places = np.zeros(beams), np.zeros(beams), np.zeros((2, beams))
-        self._empty = self._came = self._hidden = np.zeros(beams, np.bool_)
+        self._empty = self._came = self._aside = self._hidden = np.zeros(beams, np.bool_)
 
-    def note(self, seen: NotedScan) -> None:
-        """Keep a scan of a robot that drives: it counts once the robot is slow enough."""
-        self._before.append(seen)
-        self._from = Pose(x=inf)
+    def take(self, seen: NotedScan, increment: float, *, slow: bool) -> NDArray[np.bool_]:
+        """Take a new scan; beams lie `increment` apart [rad].
 
-    def take(self, seen: NotedScan, increment: float) -> NDArray[np.bool_]:
-        """Take a new scan of a robot that stands, or nearly; beams lie `increment` apart [rad].
+        Args:
+            seen: the scan.
+            increment: see above.
+            slow: the robot stands, or nearly. Else there is nothing to do where nothing is as near as somebody who is
+                about to come too near.
 
         Returns:
             Beams in which something is nearer than the least range that has come there, and shows itself no more:
             where it was seen last, and from there on all beams that it hides from what they showed before.
         """
-        self._before.append(seen)
-        if self._moved(self._from, seen.pose) > STAYS or self._last.size != seen.ranges.size:
+        if self._last.size != seen.ranges.size:
             self._begin(seen.ranges.size)
-            near = [
-                it
-                for it in self._before
-                if self._moved(it.pose, seen.pose) <= BEGINS and it.ranges.size == self._last.size
-            ]
-            self._from = self._stood = near[0].pose
-            self._time, self._turned = near[0].time, 0
-            for scan in near:
-                self._add(scan, increment)
-        else:
-            self._add(seen, increment)
-        self._hidden = self._found(seen.ranges == 0.0, increment)
+        self._before.append(seen)
+        if not slow and not (seen.shown & (seen.ranges < self._reach)).any() and not (self._last > 0.0).any():
+            return self._hidden
+        self._add(seen, increment)
+        self._hidden = self._found(seen.ranges == 0.0, seen.pose, increment)
+        if not slow and not self._hidden.any() and not ((self._last > 0.0) & (self._last < self._reach)).any():
+            self._last = np.zeros(self._last.size)  # it is not followed while nothing is near
         return self._hidden
 
     def _moved(self, begin: Pose, end: Pose) -> float:
@@ -112,43 +109,60 @@ class Approaches:
 
     def _add(self, seen: NotedScan, increment: float) -> None:
         ranges, shown, pose, time = seen
-        if (turned := round(difference(pose.heading, self._from.heading) / increment)) != self._turned:
-            by, self._turned = self._turned - turned, turned
+        if by := -round(difference(pose.heading, self._aligned) / increment):
+            self._aligned -= by * increment
             self._standing, self._empty = _shifted(self._standing, by), _shifted(self._empty, by)
             self._last, self._places = _shifted(self._last, by), _shifted(self._places, by)
             self._came, self._hidden = _shifted(self._came, by), _shifted(self._hidden, by)
+            self._aside = _shifted(self._aside, by)
+        if self._moved(self._from, pose) > STAYS:
+            self._from, self._came = pose, np.zeros(ranges.size, np.bool_)
+            self._hidden = self._came
         if self._moved(self._stood, pose) > STANDS:
-            self._stood, self._standing = pose, np.zeros(ranges.size)
+            self._stood, self._standing, self._aside = pose, np.zeros(ranges.size), np.zeros(ranges.size, np.bool_)
         told = ranges * shown
         self._standing = np.maximum(self._standing, told)
         self._last = np.where(shown, told, self._last)
         self._places = np.where(shown, placed_points(pose, self._place), self._places)
         self._reach, self._time = self._least + WALK * GAPS * max(time - self._time, LEAST_GAP), time
 
-    def _found(self, empty: NDArray[np.bool_], increment: float) -> NDArray[np.bool_]:
-        near = (self._last > 0.0) & (self._last < self._reach)
-        lost = (empty & ~self._empty & near).nonzero()[0]
-        self._empty, self._came = empty, self._came & empty
+    def _found(self, empty: NDArray[np.bool_], pose: Pose, increment: float) -> NDArray[np.bool_]:
+        dx, dy = self._places - placed_points(pose, self._place)
+        known = empty & (self._last > 0.0) & (dx * dx + dy * dy < STAYS * STAYS)
+        newly = known & ~self._empty
+        near = newly & (self._last < self._reach)
+        self._aside = (self._aside | newly & ~near & (self._standing > 0.0)) & empty
+        self._empty, self._came, lost = empty, self._came & empty, near.nonzero()[0]
         if lost.size:
             came = self._standing[lost] > self._last[lost] + CAME
             if not came.all():
                 came |= self._was_free(self._before[0], lost, self._last[lost], self._places[:, lost])
             self._came[lost] = came
+        fewest, found = max(FEWEST, ceil(WIDTH / abs(increment))), np.zeros_like(empty)
+        if self._aside.any():
+            self._find_aside(empty, fewest, found)
         if not (self._came.any() or self._hidden.any()):
-            return self._came
-        found, fewest = np.zeros_like(empty), max(FEWEST, ceil(WIDTH / abs(increment)))
+            return found
         for first, end in runs(self._came):
-            found[first:end] = end - first >= fewest
-        for first, end in runs(empty & (self._last > 0.0)):
-            found[first:end] |= self._hidden[max(first - fewest, 0) : end + fewest].any()
+            found[first:end] |= end - first >= fewest
+        for first, end in runs(known):
+            found[first:end] |= end - first >= fewest and self._hidden[max(first - fewest, 0) : end + fewest].any()
         return found
+
+    def _find_aside(self, empty: NDArray[np.bool_], fewest: int, found: NDArray[np.bool_]) -> None:
+        """Who is remembered nearer than the least range steps aside, and hides what was seen beyond."""
+        stands = self._remembered()
+        wide = [(first, end) for first, end in runs(self._aside) if end - first >= fewest]
+        for first, end in runs(empty) if wide else ():
+            if stands[first:end].any():
+                for begin, last in wide:
+                    found[max(begin, first) : min(last, end)] = True
 
 
 def _shifted(beams: NDArray[_T], places: int) -> NDArray[_T]:
     """To other numbers; of what comes into view nothing is known."""
     found = np.zeros_like(beams)
-    if places >= 0:
-        found[..., places:] = beams[..., : beams.shape[-1] - places]
-    else:
-        found[..., :places] = beams[..., -places:]
+    count = beams.shape[-1]
+    if abs(places) < count:
+        found[..., max(places, 0) : count + places] = beams[..., max(-places, 0) : count - places]
     return found

@@ -77,7 +77,7 @@ class View:
         """Of the scanner [m]."""
         self.least = round(1000.0 * scanner.least_range_m)
         self._least: Array = np.array(float(self.least))
-        self._approaches = Approaches(float(self.least), self.place, self._was_clear)
+        self._approaches = Approaches(float(self.least), self.place, self._was_clear, self._hiding)
         self._far = round(1000.0 * (reach + FASTEST_WALK * lookahead))
         self.shape: tuple[float, float, int] | None = None
         """Bearing of the first beam, from one to the next [rad], and how many there are; None: no scan has come."""
@@ -173,10 +173,7 @@ class View:
         self._time = scan.time + scan.beam_time * len(ranges)
         near = (ranges > 0.0) & (ranges < self._farthest)
         seen = NotedScan(ranges, self.unmasked & (ranges >= self._least), self._pose, scan.time)
-        if creeping:
-            self._look_for_approaches(seen)
-        else:
-            self._approaches.note(seen)
+        self._look_for_approaches(seen, slow=creeping)
         if not (self._kept.size or self.sees_motion or near.any()):
             self._points = self._coming = NOTHING
             return
@@ -286,14 +283,23 @@ class View:
         ends = ((beams >= 0) & self.unmasked[beams] & shown | self._box.holds(line)).nonzero()[0]
         self._kept = np.concatenate((self._kept, line[:, : ends[0] if ends.size else None]), 1)
 
-    def _look_for_approaches(self, seen: NotedScan) -> None:
+    def _look_for_approaches(self, seen: NotedScan, *, slow: bool) -> None:
         """Remember what has come too near to be seen, wherever it may stand now."""
         assert self.shape is not None
-        came = self._approaches.take(seen, self.shape[1]).nonzero()[0]
+        came = self._approaches.take(seen, self.shape[1], slow=slow).nonzero()[0]
         if came.size:
             steps = np.arange(0.0, float(self.least), 1000.0 * float(THINNED))
             places = (self._directions[:, came, np.newaxis] * steps).reshape(2, -1) + self.place
             self._keep(places.take((~self._close.holds(places)).nonzero()[0], 1))
+
+    def _hiding(self) -> NDArray[np.bool_]:
+        """The beams towards what is remembered nearer than the least range."""
+        found = np.zeros(self.millimetres.size, np.bool_)
+        if self._kept.size:
+            cells = self._cells(self._kept)
+            farthest = self._hides.take(cells)
+            found[self._beam_of.take(cells)[(farthest >= 0.0) & (farthest < inf)]] = True
+        return found
 
     def _remember(self, points: Array, beams: NDArray[np.intp]) -> None:
         """Add those points of the scan that may leave the view."""
@@ -337,8 +343,16 @@ class View:
         self._kept = self._kept.take(kept.nonzero()[0], 1)
 
     def _least_beside(self) -> Array:
-        """The least return of each beam and `BESIDE` ones to both sides of it."""
-        self._padded[BESIDE:-BESIDE] = self.millimetres
+        """The least return of each beam and `BESIDE` ones to both sides of it; one or two without a return say nothing.
+
+        What stands within the least range hides more: a pole of 2 cm four of half a degree.
+        """
+        empty = self.millimetres == 0.0
+        together = empty[:-2] & empty[1:-1] & empty[2:]
+        few = empty.copy()
+        for beside in (slice(None, -2), slice(1, -1), slice(2, None)):
+            few[beside] &= ~together
+        self._padded[BESIDE:-BESIDE] = np.where(few, FAR, self.millimetres)
         least, width = self._padded, 1
         while 2 * width <= 2 * BESIDE + 1:
             least, width = np.minimum(least[:-width], least[width:]), 2 * width
@@ -371,8 +385,9 @@ class View:
         """Of places as seen from the scanner: bearings [rad] and distances [m]; both of the shape of one coordinate."""
         shape, (x, y) = places.shape[1:], (places.reshape(2, -1) - np.array([[self._x], [self._y]])).tolist()
         heading = self._scanner.heading
-        bearings = [wrap(atan2(left, ahead) - heading) for ahead, left in zip(x, y, strict=True)]
-        return np.array(bearings).reshape(shape), np.array(list(map(hypot, x, y))).reshape(shape)
+        bearings = np.array(list(map(atan2, y, x))) - heading
+        bearings = np.where(bearings > pi, bearings - tau, np.where(bearings <= -pi, bearings + tau, bearings))
+        return bearings.reshape(shape), np.array(list(map(hypot, x, y))).reshape(shape)
 
     def beams_past(self, bearings: Array) -> Indices:
         """The beams that pass places at these bearings within (-pi, pi]; -1: it does not look there."""

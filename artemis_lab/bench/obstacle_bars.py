@@ -39,6 +39,7 @@ from artemis_lab.bench.obstacle_scenes import (
     crossed,
     random_drive,
     robot_with_scanner,
+    stepped_aside,
     stepped_in,
     straight,
 )
@@ -104,15 +105,16 @@ def persons(pool: Executor, scenes: int, first: int, done: Callable[[], object])
 
 
 def who_stays(pool: Executor, scenes: int, first: int, done: Callable[[], object]) -> Bar:
-    """A person who steps in where the robot brakes, and stays within the least range of the scanner."""
-    contacts: list[int] = []
-    for seed, outcome in enumerate(pool.map(stepped_in, range(first, first + scenes), chunksize=10), first):
-        done()
-        if outcome.contact:  # a robot that stands may be touched
-            contacts.append(seed)
-    words = f"{len(contacts)} in {scenes} scenes"
-    words += f"; seeds {', '.join(map(str, contacts[:5]))}" if contacts else ""
-    return Bar("person who steps in and stays, contact while driving", "0", words, not contacts)
+    """A person who steps in where the robot brakes, or aside before it, and stays where the scanner sees nothing."""
+    contacts: list[str] = []
+    for drive in (stepped_in, stepped_aside):
+        for seed, outcome in enumerate(pool.map(drive, range(first, first + scenes), chunksize=10), first):
+            done()
+            if outcome is not None and outcome.contact:  # a robot that stands may be touched
+                contacts.append(f"{drive.__name__}({seed})")
+    words = f"{len(contacts)} in {2 * scenes} scenes"
+    words += f": {', '.join(contacts[:5])}" if contacts else ""
+    return Bar("person who steps in or aside and stays, contact while driving", "0", words, not contacts)
 
 
 def slow_downs(pool: Executor, metres: float, first: int, done: Callable[[], object]) -> Iterator[Bar]:

@@ -36,6 +36,10 @@ DELAY = 2
 """Ticks until the wheels do what left the gate."""
 
 
+HALL = [[-9, -6, 9, -6], [9, -6, 9, 6], [9, 6, -9, 6], [-9, 6, -9, -6]]
+"""Segments [m]."""
+
+
 @cache
 def robot_with_scanner() -> RobotFile:
     """ARTEMIS with a scanner at its front."""
@@ -320,9 +324,45 @@ def stepping_in(seed: int) -> tuple[SteppingIn, float]:
     meet, turn, walk = dice.uniform([1.5, math.radians(-150.0), 0.4], [3.0, math.radians(150.0), 1.6])
     x, y = 0.7 * (meet - 0.7) + OUTLINE.front_m + dice.uniform(0.0, 0.4), dice.uniform(-0.2, 0.2)
     vx, vy = -walk * math.cos(turn), -walk * math.sin(turn)
-    hall = [[-9, -6, 9, -6], [9, -6, 9, 6], [9, 6, -9, 6], [-9, 6, -9, -6]] if dice.random() < 0.5 else []
+    hall = HALL if dice.random() < 0.5 else []
     circles, moves = np.array([[x - vx * meet, y - vy * meet, 0.15]]), np.array([[vx, vy]])
     return SteppingIn(np.array(hall, float).reshape(-1, 4), circles, moves, gap=dice.uniform(0.05, 0.35)), meet
+
+
+@dataclass(slots=True, kw_only=True)
+class SteppingAside(Scene):
+    """Who stands before the robot steps aside once it has stood for a second, and stays there."""
+
+    step: Array
+    """How fast [m/s]."""
+    left: float
+    """How far still [m]."""
+    _at: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    _stands: float = 0.0
+
+    @property
+    def fastest(self) -> float:
+        """The distance is asked in each step."""
+        return math.inf
+
+    def distance(self, x: float, y: float, heading: float) -> float:
+        """As of any scene."""
+        self._stands = self._stands + PERIOD / PARTS if self._at == (x, y, heading) else 0.0
+        self._at = x, y, heading
+        found = Scene.distance(self, x, y, heading)
+        self.moves = self.step if self.left > 0.0 and self._stands > 1.0 and found > 0.04 else np.zeros((1, 2))
+        self.left -= math.hypot(*self.moves[0]) * PERIOD / PARTS
+        return found
+
+
+def stepping_aside(seed: int) -> tuple[SteppingAside, float]:
+    """Such a person, in a hall, before a robot that drives so fast [m/s]: it would roll into him where he is then."""
+    dice = np.random.default_rng(seed)
+    turn = math.radians(90.0 + dice.uniform(-20.0, 20.0)) * (1.0 if dice.random() < 0.5 else -1.0)
+    x, y, radius, walk = dice.uniform([OUTLINE.front_m + 1.0, -0.2, 0.1, 0.1], [OUTLINE.front_m + 2.0, 0.2, 0.2, 0.6])
+    step, hall = walk * np.array([[math.cos(turn), math.sin(turn)]]), np.array(HALL, float)
+    left, speed = dice.uniform([0.1, 0.2], [0.4, 0.7])
+    return SteppingAside(hall, np.array([[x, y, radius]]), step=step, left=left), speed
 
 
 class Steady(Driver):
@@ -338,10 +378,18 @@ def crossed(seed: int) -> Passage:
     return drive(scene, Steady(0.7), seed, seconds=meet + 1.0)
 
 
-def stepped_in(seed: int) -> Passage:
-    """A robot at full speed, and such a person, who does not go away again."""
+def stepped_in(seed: int) -> Passage | None:
+    """A robot at full speed, and such a person, who does not go away again; None: he would begin out of its sight."""
     scene, meet = stepping_in(seed)
+    if math.hypot(scene.circles[0, 0] - SCANNER.x_m, scene.circles[0, 1]) < 1.0:
+        return None
     return drive(scene, Steady(0.7), seed, seconds=meet + 8.0)
+
+
+def stepped_aside(seed: int) -> Passage:
+    """A robot that drives straight on, and such a person."""
+    scene, speed = stepping_aside(seed)
+    return drive(scene, Steady(speed), seed, seconds=2.0 / speed + 8.0)
 
 
 def straight(seed: int, scene: Scene, distance: float, dust: float) -> Passage:

