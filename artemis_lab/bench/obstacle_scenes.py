@@ -299,16 +299,17 @@ def crossing(seed: int) -> tuple[Scene, float]:
     return Scene(circles=np.array([[x - walk[0] * meet, y - walk[1] * meet, 0.2]]), moves=np.array([walk])), meet
 
 
+class Watching(Scene):
+    """Whose distance is asked in each step, for what moves by it."""
+
+    fastest = math.inf
+
+
 @dataclass(slots=True, kw_only=True)
-class SteppingIn(Scene):
+class SteppingIn(Watching):
     """Who moves stops so near the outline [m], and stays."""
 
     gap: float
-
-    @property
-    def fastest(self) -> float:
-        """The distance is asked in each step."""
-        return math.inf
 
     def distance(self, x: float, y: float, heading: float) -> float:
         """As of any scene."""
@@ -330,7 +331,7 @@ def stepping_in(seed: int) -> tuple[SteppingIn, float]:
 
 
 @dataclass(slots=True, kw_only=True)
-class SteppingAside(Scene):
+class SteppingAside(Watching):
     """Who stands before the robot steps aside once it has stood for a second, and stays there."""
 
     step: Array
@@ -339,11 +340,6 @@ class SteppingAside(Scene):
     """How far still [m]."""
     _at: tuple[float, float, float] = (0.0, 0.0, 0.0)
     _stands: float = 0.0
-
-    @property
-    def fastest(self) -> float:
-        """The distance is asked in each step."""
-        return math.inf
 
     def distance(self, x: float, y: float, heading: float) -> float:
         """As of any scene."""
