@@ -1,4 +1,4 @@
-"""What comes nearer than a laser scanner sees to a robot that stands, or nearly: nothing shows how near it is then."""
+"""What comes nearer than a laser scanner sees: nothing shows how near it is then."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from artemis.motion.angles import difference
 from artemis.motion.arrays import Array, Indices
-from artemis.motion.beams import runs
+from artemis.motion.beams import runs, wide
 from artemis.motion.points import placed_points
 from artemis.values import Pose
 
@@ -138,25 +138,18 @@ class Approaches:
             if not came.all():
                 came |= self._was_free(self._before[0], lost, self._last[lost], self._places[:, lost])
             self._came[lost] = came
-        fewest, found = max(FEWEST, ceil(WIDTH / abs(increment))), np.zeros_like(empty)
-        if self._aside.any():
-            self._find_aside(empty, fewest, found)
-        if not (self._came.any() or self._hidden.any()):
-            return found
-        for first, end in runs(self._came):
-            found[first:end] |= end - first >= fewest
-        for first, end in runs(known):
-            found[first:end] |= end - first >= fewest and self._hidden[max(first - fewest, 0) : end + fewest].any()
+        if not (self._came.any() or self._hidden.any() or self._aside.any()):
+            return self._came
+        fewest = max(FEWEST, ceil(WIDTH / abs(increment)))
+        found, aside = wide(self._came, fewest), wide(self._aside, fewest)
+        if aside.any():  # who is remembered nearer than the least range steps aside, and hides what was seen beyond
+            stands = self._remembered()
+            for first, end in runs(empty):
+                found[first:end] |= aside[first:end] & stands[first:end].any()
+        if self._hidden.any():
+            for first, end in runs(wide(known, fewest)):
+                found[first:end] |= self._hidden[max(first - fewest, 0) : end + fewest].any()
         return found
-
-    def _find_aside(self, empty: NDArray[np.bool_], fewest: int, found: NDArray[np.bool_]) -> None:
-        """Who is remembered nearer than the least range steps aside, and hides what was seen beyond."""
-        stands = self._remembered()
-        wide = [(first, end) for first, end in runs(self._aside) if end - first >= fewest]
-        for first, end in runs(empty) if wide else ():
-            if stands[first:end].any():
-                for begin, last in wide:
-                    found[max(begin, first) : min(last, end)] = True
 
 
 def _shifted(beams: NDArray[_T], places: int) -> NDArray[_T]:

@@ -52,6 +52,14 @@ def runs(some: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
     return zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
 
 
+def wide(some: NDArray[np.bool_], fewest: int) -> NDArray[np.bool_]:
+    """Those of some beams that have so many neighbours among them, themselves included."""
+    found = np.zeros_like(some)
+    for first, end in runs(some):
+        found[first:end] = end - first >= fewest
+    return found
+
+
 def seen_twice(some: NDArray[np.bool_], ranges: Array, before: Array) -> NDArray[np.bool_]:
     """Which of some beams show nearly what they, or those beside them, showed in the scan before."""
     found, alone = some.copy(), ((np.abs(ranges - before) >= SAME) & some).nonzero()[0]

@@ -343,11 +343,8 @@ class View:
         self._kept = self._kept.take(kept.nonzero()[0], 1)
 
     def _least_beside(self) -> Array:
-        """The least return of each beam and `BESIDE` ones to both sides of it; one or two without a return say nothing.
-
-        What stands within the least range hides more: a pole of 2 cm four of half a degree.
-        """
-        empty = self.millimetres == 0.0
+        """The least return of each beam and `BESIDE` ones to both sides of it; one or two without one say nothing."""
+        empty = self.millimetres == 0.0  # a pole of 2 cm within the least range hides four beams of half a degree
         together = empty[:-2] & empty[1:-1] & empty[2:]
         few = empty.copy()
         for beside in (slice(None, -2), slice(1, -1), slice(2, None)):
@@ -384,9 +381,7 @@ class View:
     def directions(self, places: Array) -> tuple[Array, Array]:
         """Of places as seen from the scanner: bearings [rad] and distances [m]; both of the shape of one coordinate."""
         shape, (x, y) = places.shape[1:], (places.reshape(2, -1) - np.array([[self._x], [self._y]])).tolist()
-        heading = self._scanner.heading
-        bearings = np.array(list(map(atan2, y, x))) - heading
-        bearings = np.where(bearings > pi, bearings - tau, np.where(bearings <= -pi, bearings + tau, bearings))
+        bearings = _turned(np.array(list(map(atan2, y, x))), self._scanner.heading)
         return bearings.reshape(shape), np.array(list(map(hypot, x, y))).reshape(shape)
 
     def beams_past(self, bearings: Array) -> Indices:
@@ -394,7 +389,11 @@ class View:
         assert self.shape is not None
         start, increment, count = self.shape
         middle = start + increment * (count - 1) / 2.0
-        turned = bearings - wrap(middle)
-        turned = np.where(turned > pi, turned - tau, np.where(turned <= -pi, turned + tau, turned))
-        beams = np.rint((middle + turned - start) / increment).astype(np.int64)
+        beams = np.rint((middle + _turned(bearings, wrap(middle)) - start) / increment).astype(np.int64)
         return np.where((beams >= 0) & (beams < count), beams, -1)
+
+
+def _turned(bearings: Array, by: float) -> Array:
+    """Bearings from another direction; all of it within (-pi, pi] [rad]."""
+    turned = bearings - by
+    return np.where(turned > pi, turned - tau, np.where(turned <= -pi, turned + tau, turned))

@@ -36,7 +36,7 @@ DELAY = 2
 """Ticks until the wheels do what left the gate."""
 
 
-HALL = [[-9, -6, 9, -6], [9, -6, 9, 6], [9, 6, -9, 6], [-9, 6, -9, -6]]
+HALL: Array = np.array([[-9.0, -6.0, 9.0, -6.0], [9.0, -6.0, 9.0, 6.0], [9.0, 6.0, -9.0, 6.0], [-9.0, 6.0, -9.0, -6.0]])
 """Segments [m]."""
 
 
@@ -325,9 +325,9 @@ def stepping_in(seed: int) -> tuple[SteppingIn, float]:
     meet, turn, walk = dice.uniform([1.5, math.radians(-150.0), 0.4], [3.0, math.radians(150.0), 1.6])
     x, y = 0.7 * (meet - 0.7) + OUTLINE.front_m + dice.uniform(0.0, 0.4), dice.uniform(-0.2, 0.2)
     vx, vy = -walk * math.cos(turn), -walk * math.sin(turn)
-    hall = HALL if dice.random() < 0.5 else []
+    hall = HALL if dice.random() < 0.5 else np.zeros((0, 4))
     circles, moves = np.array([[x - vx * meet, y - vy * meet, 0.15]]), np.array([[vx, vy]])
-    return SteppingIn(np.array(hall, float).reshape(-1, 4), circles, moves, gap=dice.uniform(0.05, 0.35)), meet
+    return SteppingIn(hall, circles, moves, gap=dice.uniform(0.05, 0.35)), meet
 
 
 @dataclass(slots=True, kw_only=True)
@@ -356,9 +356,9 @@ def stepping_aside(seed: int) -> tuple[SteppingAside, float]:
     dice = np.random.default_rng(seed)
     turn = math.radians(90.0 + dice.uniform(-20.0, 20.0)) * (1.0 if dice.random() < 0.5 else -1.0)
     x, y, radius, walk = dice.uniform([OUTLINE.front_m + 1.0, -0.2, 0.1, 0.1], [OUTLINE.front_m + 2.0, 0.2, 0.2, 0.6])
-    step, hall = walk * np.array([[math.cos(turn), math.sin(turn)]]), np.array(HALL, float)
+    step = walk * np.array([[math.cos(turn), math.sin(turn)]])
     left, speed = dice.uniform([0.1, 0.2], [0.4, 0.7])
-    return SteppingAside(hall, np.array([[x, y, radius]]), step=step, left=left), speed
+    return SteppingAside(HALL, np.array([[x, y, radius]]), step=step, left=left), speed
 
 
 class Steady(Driver):
