@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from artemis.motion.angles import difference
 from artemis.motion.arrays import Array, Indices
-from artemis.motion.beams import runs, wide
+from artemis.motion.beams import runs, wide, widened
 from artemis.motion.points import placed_points
 from artemis.values import Pose
 
@@ -29,6 +29,10 @@ KEPT = 50
 """The last scans that are kept."""
 FEWEST, WIDTH = 5, radians(2.5)
 """So many neighbouring beams lose it together, and together they are so wide; fewer are dust, or an edge."""
+SUDDEN, BEHIND = 2, 2.0
+"""So many times as many beams that are lost in one scan while the scanner stands hide behind what was not seen to come:
+it is put down, or steps up from where no scanner looks; what goes away is lost beam by beam. And what is lost so many
+times farther than the least range is not what has come too near, but stands behind it."""
 
 
 class NotedScan(NamedTuple):
@@ -77,7 +81,7 @@ class Approaches:
         self._from = self._stood = Pose(x=inf)
         self._aligned, self._time, self._reach = 0.0, -inf, self._least + WALK * GAPS * LEAST_GAP
         self._standing, self._last, self._places = np.zeros(beams), np.zeros(beams), np.zeros((2, beams))
-        self._empty = self._came = self._aside = self._hidden = np.zeros(beams, np.bool_)
+        self._empty = self._came = self._aside = self._hidden = self._near = np.zeros(beams, np.bool_)
 
     def take(self, seen: NotedScan, increment: float, *, slow: bool) -> NDArray[np.bool_]:
         """Take a new scan; beams lie `increment` apart [rad].
@@ -99,6 +103,7 @@ class Approaches:
             return self._hidden
         self._add(seen, increment)
         self._hidden = self._found(seen.ranges == 0.0, seen.pose, increment)
+        self._near = seen.shown & (seen.ranges < self._reach)
         if not slow and not self._hidden.any() and not ((self._last > 0.0) & (self._last < self._reach)).any():
             self._last = np.zeros(self._last.size)  # it is not followed while nothing is near
         return self._hidden
@@ -114,7 +119,7 @@ class Approaches:
             self._standing, self._empty = _shifted(self._standing, by), _shifted(self._empty, by)
             self._last, self._places = _shifted(self._last, by), _shifted(self._places, by)
             self._came, self._hidden = _shifted(self._came, by), _shifted(self._hidden, by)
-            self._aside = _shifted(self._aside, by)
+            self._aside, self._near = _shifted(self._aside, by), _shifted(self._near, by)
         if self._moved(self._from, pose) > STAYS:
             self._from, self._came = pose, np.zeros(ranges.size, np.bool_)
             self._hidden = self._came
@@ -131,16 +136,20 @@ class Approaches:
         known = empty & (self._last > 0.0) & (dx * dx + dy * dy < STAYS * STAYS)
         newly = known & ~self._empty
         near = newly & (self._last < self._reach)
-        self._aside = (self._aside | newly & ~near & (self._standing > 0.0)) & empty
+        beside = newly & ~near
+        aside = beside & (self._standing > 0.0)
+        self._aside = (self._aside | aside) & empty
         self._empty, self._came, lost = empty, self._came & empty, near.nonzero()[0]
         if lost.size:
             came = self._standing[lost] > self._last[lost] + CAME
             if not came.all():
                 came |= self._was_free(self._before[0], lost, self._last[lost], self._places[:, lost])
             self._came[lost] = came
+        fewest = max(FEWEST, ceil(WIDTH / abs(increment)))
+        if beside.any():
+            self._came |= self._gone_on(beside, aside, fewest) | wide(aside, SUDDEN * fewest)
         if not (self._came.any() or self._hidden.any() or self._aside.any()):
             return self._came
-        fewest = max(FEWEST, ceil(WIDTH / abs(increment)))
         found, aside = wide(self._came, fewest), wide(self._aside, fewest)
         if aside.any():  # who is remembered nearer than the least range steps aside, and hides what was seen beyond
             stands = self._remembered()
@@ -150,6 +159,17 @@ class Approaches:
             for first, end in runs(wide(known, fewest)):
                 found[first:end] |= self._hidden[max(first - fewest, 0) : end + fewest].any()
         return found
+
+    def _gone_on(self, beside: NDArray[np.bool_], aside: NDArray[np.bool_], fewest: int) -> NDArray[np.bool_]:
+        """Beams that lose a surface far behind what is too near beside them: a thin thing that goes on from there."""
+        lost = beside & widened(self._came, fewest) | aside & widened(self._near, fewest)
+        lost &= self._last > BEHIND * self._least
+        if lost.any():
+            before = self._before[-2].ranges
+            same = (np.abs(before[1:] - before[:-1]) < CAME) & (before[1:] > 0.0)
+            surface = widened(wide(same, SUDDEN * fewest), 1)
+            lost[1:] &= surface
+        return lost
 
 
 def _shifted(beams: NDArray[_T], places: int) -> NDArray[_T]:

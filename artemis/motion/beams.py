@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Sequence
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,8 @@ from artemis.scan import Scan
 SAME: Array = np.array(150.0)
 """Returns of neighbouring beams in two scans are of the same thing if they differ by less [mm]; what one beam alone
 showed once is dust. An array of no dimension: numpy takes half as long for it as for a number."""
+FEW = 2
+"""So many neighbouring beams without a return are an accident."""
 LOST = 0.17
 """A scanner is lost (LAS-01) after so long without a scan [s]."""
 PERIODS, SLOWEST = 2.5, 0.2
@@ -55,9 +58,33 @@ def runs(some: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
 def wide(some: NDArray[np.bool_], fewest: int) -> NDArray[np.bool_]:
     """Those of some beams that have so many neighbours among them, themselves included."""
     found = np.zeros_like(some)
-    for first, end in runs(some):
-        found[first:end] = end - first >= fewest
+    if some.nonzero()[0].size >= fewest:
+        for first, end in runs(some):
+            found[first:end] = end - first >= fewest
     return found
+
+
+def least_beside(ranges: Array, beside: int) -> Array:
+    """The least return of each beam and of so many to both sides of it [mm]; 0: something may stand there unseen.
+
+    `FEW` neighbouring beams without a return say nothing, unless they are among the `FEW` next to it.
+    """
+    empty = ranges == 0.0  # a pole of 2 cm within the least range hides four beams of half a degree
+    together = empty[:-2] & empty[1:-1] & empty[2:]
+    few = empty.copy()
+    for part in (slice(None, -2), slice(1, -1), slice(2, None)):
+        few[part] &= ~together
+    return np.asarray(np.minimum(_least(np.where(few, inf, ranges), beside), _least(ranges, FEW)))
+
+
+def _least(ranges: Array, beside: int) -> Array:
+    """Of each beam and of so many, at least one, to both sides of it."""
+    least, width, count = np.empty(len(ranges) + 2 * beside), 1, 2 * beside + 1
+    least.fill(inf)
+    least[beside:-beside] = ranges
+    while 2 * width <= count:
+        least, width = np.minimum(least[:-width], least[width:]), 2 * width
+    return np.asarray(np.minimum(least[: width - count], least[count - width :]))
 
 
 def seen_twice(some: NDArray[np.bool_], ranges: Array, before: Array) -> NDArray[np.bool_]:

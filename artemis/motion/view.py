@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from functools import partial
 from math import atan2, ceil, cos, degrees, hypot, inf, pi, radians, sin, tau
 
@@ -11,12 +12,12 @@ from numpy.typing import NDArray
 from artemis.motion.angles import wrap
 from artemis.motion.approaches import Approaches, NotedScan
 from artemis.motion.arrays import Array, Indices
-from artemis.motion.beams import ScanPeriod, seeing, seen_twice, widened
+from artemis.motion.beams import ScanPeriod, least_beside, seeing, seen_twice, widened
 from artemis.motion.movers import NOTHING, Movers
 from artemis.motion.points import placed_points, points_from
 from artemis.motion.poses import placed, seen_from
+from artemis.motion.surfaces import beyond_edges
 from artemis.motion.sweep import Rectangle
-from artemis.motion.totals import mean
 from artemis.mounting import Mounting
 from artemis.scan import USUAL, Scan
 from artemis.values import Pose
@@ -29,6 +30,9 @@ BESIDE, BEYOND = 12, 150
 """A remembered point is gone once so many beams to both sides of it show something so much farther [mm]."""
 THINNED: Array = np.array(0.025)
 """Remembered points lie in cells of this width [m], one in each."""
+RECENT, HELD = 2, 0.5
+"""A return is compared with the scan before and, where that shows none, with so many before it; what counted and is
+lost is held for so long [s]. Thin legs return a beam in few of the scans."""
 FAR = 1_000_000.0
 """Farther than anything [mm]."""
 NOTED, TURNED = 0.02, radians(1.0)
@@ -42,15 +46,6 @@ FASTEST_WALK = 2.0
 """Of a person [m/s]."""
 FREE_BESIDE, FREE_BEYOND = 2, 100
 """A place was free if so many beams to both sides of it showed something so much farther [mm]."""
-
-EDGE_BEAMS, LINE_BEAMS = 5, 80
-"""A surface has at least twice so many beams; its line is that of so many next to its edge, or of fewer if it bends."""
-RECEDES, STRAIGHT = 10.0, 0.05
-"""A thing ends where it goes away from the scanner by more than this [mm]; a surface that is straight stays so near its
-line [m]."""
-CONTINUED, OWN = 60.0, 3.0
-"""It goes on for so many cells (`THINNED`) of memory, at most, and for so many times its own length: the direction of a
-short piece is uncertain."""
 
 
 class View:
@@ -100,7 +95,9 @@ class View:
         self._period = ScanPeriod()
         self._noted, self._continued = Pose(x=inf), False
         self._approaches.forget()
-        self._points, self._kept, self._coming = NOTHING, NOTHING, NOTHING
+        self._points, self._kept, self._coming, self._held = NOTHING, NOTHING, NOTHING, NOTHING
+        self._counted, self._empty, self._until = np.zeros(0, np.bool_), np.zeros(0, np.intp), np.zeros(0)
+        self._recent: deque[Array] = deque(maxlen=RECENT)
         self._movers.forget()
         self._sorted_at = -inf
 
@@ -109,9 +106,9 @@ class View:
         age = now - self._time
         return age if age <= self._period.patience else inf
 
-    def around(self) -> tuple[Array, Array, Array]:
-        """Every point that counts: seen by the newest scan, remembered, and where something will be."""
-        return self._points, self._kept, self._coming
+    def around(self) -> tuple[Array, Array, Array, Array]:
+        """Every point that counts: seen by the newest scan, held, remembered, and where something will be."""
+        return self._points, self._held, self._kept, self._coming
 
     @property
     def sees_motion(self) -> bool:
@@ -153,6 +150,8 @@ class View:
         if not replaced:
             self._points = points_from(moved, self._points)
         self._kept, self._coming = points_from(moved, self._kept), points_from(moved, self._coming)
+        if self._held.size:
+            self._held = points_from(moved, self._held)
 
     def take(self, scan: Scan, now: float, speed: float, turn: float, *, creeping: bool) -> None:
         """Take a new scan.
@@ -167,20 +166,30 @@ class View:
         ranges = scan.millimetres.astype(np.float64)
         if (shape := (scan.start_angle, scan.increment, len(ranges))) != self.shape:
             self._fit(*shape)
-        known = self.millimetres.size == ranges.size
-        before, self.millimetres = self.millimetres if known else np.zeros_like(ranges), ranges
+        if self.millimetres.size != ranges.size:
+            self.millimetres, self._counted = np.zeros_like(ranges), np.zeros(ranges.size, np.bool_)
+            self._recent.clear()
+        before, self.millimetres, known = self.millimetres, ranges, bool(self._recent)
         self._period.take(scan)
-        self._time = scan.time + scan.beam_time * len(ranges)
+        age, self._time = now - self._time, scan.time + scan.beam_time * len(ranges)
         near = (ranges > 0.0) & (ranges < self._farthest)
         seen = NotedScan(ranges, self.unmasked & (ranges >= self._least), self._pose, scan.time)
         self._look_for_approaches(seen, slow=creeping)
+        recent = self._returned(before) if self._empty.size else before
+        self._recent.appendleft(before)
+        self._empty = (ranges == 0.0).nonzero()[0]
+        counts = seen_twice(near, ranges, recent)
+        lost = self._empty[self._counted.take(self._empty)]
+        if lost.size or self._held.size:
+            ends = self._seen(before, age, 0.0, speed, turn).take(lost, 1) if lost.size else NOTHING
+            self._hold(ends, counts, now)
+        self._counted = counts
         if not (self._kept.size or self.sees_motion or near.any()):
             self._points = self._coming = NOTHING
             return
-        counts = seen_twice(near, ranges, before)
         points = self._seen(ranges, now - scan.time, scan.beam_time, speed, turn)
         if creeping:
-            counts |= near & self._is_close(ranges)
+            counts = counts | near & self._is_close(ranges)
         beams = counts.nonzero()[0]
         if len(beams) < len(ranges):
             points = points.take(beams, 1)
@@ -193,6 +202,24 @@ class View:
             self._forget_some()
             self._find_moving(scan, now, speed, turn)
         self._remember(points, beams)
+
+    def _hold(self, lost: Array, counts: NDArray[np.bool_], now: float) -> None:
+        """Keep what counted in the scan before and is lost now, until its beam shows it again, or what lies beyond."""
+        if lost.size:
+            self._held = np.concatenate((self._held, lost), 1)
+            self._until = np.concatenate((self._until, np.full(lost.shape[1], now + HELD)))
+        cells = self._cells(self._held)
+        beams, far = self._beam_of.take(cells), self._distance_of.take(cells)
+        there = self.millimetres.take(beams)
+        self._until[np.abs(there - far) < BEYOND] = now + HELD
+        stays = (self._until > now) & ~counts.take(beams) & (there < far + BEYOND)
+        self._held, self._until = self._held.take(stays.nonzero()[0], 1), self._until[stays]
+
+    def _returned(self, before: Array) -> Array:
+        """The newest return of each beam in the scan before and in the last ones before it [mm]."""
+        for older in self._recent:
+            before = np.where(before, before, older)
+        return before
 
     def _find_moving(self, scan: Scan, now: float, speed: float, turn: float) -> None:
         """Look where what moves will be, by the newest scan."""
@@ -244,44 +271,21 @@ class View:
         gone = ~self._around | in_view & (self._distance_of >= self.least + LEAVING // 2)
         self._hides = np.where(gone, -1.0, np.where(in_view, self._distance_of + BEYOND, inf))
         self._farthest = np.where(self.unmasked, float(self._far), 0.0)
-        self._padded = np.full(count + 2 * BESIDE, FAR)
 
     def _continue_surfaces(self, shown: NDArray[np.bool_]) -> None:
         """A surface that goes out of sight because it is too near goes on straight, as long as no beam would show it.
 
         Asked once, of what stood there when nothing had been seen yet: later it is remembered.
         """
-        beams, ends = shown.nonzero()[0], self._seen(self.millimetres, 0.0, 0.0, 0.0, 0.0)
-        for surface in np.split(beams, (np.diff(beams) > 1).nonzero()[0] + 1):
-            if len(surface) < 2 * EDGE_BEAMS:
-                continue
-            for away in (surface, surface[::-1]):  # from its edge on
-                edge, before = self.millimetres[away[: 2 * EDGE_BEAMS]].reshape(2, EDGE_BEAMS).tolist()
-                if edge[0] < self.least + LEAVING and mean(before) > mean(edge) - RECEDES:
-                    self._continue_line(ends[:, away[:LINE_BEAMS]], np.where(shown, self.millimetres, 0.0))
-
-    def _continue_line(self, points: Array, ranges: Array) -> None:
-        """Remember where a surface may go on beyond the first of these points on it; `ranges` that are no dust [mm]."""
-        for count in (points.shape[1], points.shape[1] // 2, points.shape[1] // 4):
-            x, y = points[0, :count].tolist(), points[1, :count].tolist()
-            half = count // 2
-            dx, dy = mean(x[:half]) - mean(x[half:]), mean(y[:half]) - mean(y[half:])
-            length, middle = hypot(dx, dy), (mean(x), mean(y))
-            off = [dx * (b - middle[1]) - dy * (a - middle[0]) for a, b in zip(x, y, strict=True)]
-            if half >= EDGE_BEAMS and length > 0.0 and max(map(abs, off)) <= STRAIGHT * length:
-                break
-        else:
-            return
-        along = (dx * (x[0] - middle[0]) + dy * (y[0] - middle[1])) / length
-        most = min(CONTINUED, OWN * 2.0 * length / float(THINNED))  # its halves lie half of its length apart
-        steps = along + THINNED * np.arange(1.0, most)
-        line = np.array([middle[0] + dx / length * steps, middle[1] + dy / length * steps])
-        bearings, distances = self.directions(line)
-        beams = self.beams_past(bearings)
-        far = 1000.0 * distances
-        shown = (far >= self.least + LEAVING) | (ranges[beams] > far + BEYOND)  # it, or what lies beyond it
-        ends = ((beams >= 0) & self.unmasked[beams] & shown | self._box.holds(line)).nonzero()[0]
-        self._kept = np.concatenate((self._kept, line[:, : ends[0] if ends.size else None]), 1)
+        ranges = np.where(shown, self.millimetres, 0.0)
+        ends = self._seen(ranges, 0.0, 0.0, 0.0, 0.0)
+        for line in beyond_edges(ends, ranges, self.least + LEAVING, float(THINNED)):
+            bearings, distances = self.directions(line)
+            beams = self.beams_past(bearings)
+            far = 1000.0 * distances
+            seen = (far >= self.least + LEAVING) | (ranges[beams] > far + BEYOND)  # it, or what lies beyond it
+            past = ((beams >= 0) & self.unmasked[beams] & seen | self._box.holds(line)).nonzero()[0]
+            self._kept = np.concatenate((self._kept, line[:, : past[0] if past.size else None]), 1)
 
     def _look_for_approaches(self, seen: NotedScan, *, slow: bool) -> None:
         """Remember what has come too near to be seen, wherever it may stand now."""
@@ -309,6 +313,9 @@ class View:
         self._noted = pose
         leaves = self.millimetres < self._leaving
         self._keep(points.take(leaves.take(beams).nonzero()[0][::-1], 1))
+        if self._held.size:
+            near = self._distance_of.take(self._cells(self._held)) < self.least + LEAVING
+            self._keep(self._held.take(near.nonzero()[0], 1))
 
     def _keep(self, new: Array) -> None:
         """Remember points, in each cell one."""
@@ -339,44 +346,31 @@ class View:
         farthest = self._hides.take(cells)
         kept = farthest >= 0.0
         if np.count_nonzero(farthest < inf):
-            kept &= self._least_beside().take(self._beam_of.take(cells)) <= farthest
+            kept &= least_beside(self.millimetres, BESIDE).take(self._beam_of.take(cells)) <= farthest
         self._kept = self._kept.take(kept.nonzero()[0], 1)
 
-    def _least_beside(self) -> Array:
-        """The least return of each beam and `BESIDE` ones to both sides of it; one or two without one say nothing."""
-        empty = self.millimetres == 0.0  # a pole of 2 cm within the least range hides four beams of half a degree
-        together = empty[:-2] & empty[1:-1] & empty[2:]
-        few = empty.copy()
-        for beside in (slice(None, -2), slice(1, -1), slice(2, None)):
-            few[beside] &= ~together
-        self._padded[BESIDE:-BESIDE] = np.where(few, FAR, self.millimetres)
-        least, width = self._padded, 1
-        while 2 * width <= 2 * BESIDE + 1:
-            least, width = np.minimum(least[:-width], least[width:]), 2 * width
-        rest = 2 * BESIDE + 1 - width
-        return np.asarray(np.minimum(least[:-rest], least[rest:]))
-
     def _was_clear(self, before: NotedScan, beams: Indices, ranges: Array, places: Array) -> NDArray[np.bool_]:
-        """Whether nothing was by a scan where beams of these ranges [mm] ended with the scanner at these places.
-
-        Just beyond the least range only a beam that showed something farther away says so.
-        """
+        """Whether nothing was by a scan where beams of these ranges [mm] ended with the scanner at these places."""
         there = placed_points(Pose(heading=self._pose.heading), self._directions[:, beams] * ranges) + places
-        shown = np.where(before.shown, before.ranges, 1.0)
-        return self._was_free(before.pose, shown, there, 0.0) | self._was_free(before.pose, before.ranges, there)
+        return self._was_free(before.pose, before.ranges, there, before.shown)
 
-    def _was_free(self, pose: Pose, ranges: Array, points: Array, beyond: float = FREE_BEYOND) -> NDArray[np.bool_]:
+    def _was_free(
+        self, pose: Pose, ranges: Array, points: Array, shown: NDArray[np.bool_] | None = None
+    ) -> NDArray[np.bool_]:
         """Where nothing was by a scan seen from a pose: places in the frame of the odometry, where something is now.
 
-        Nearer than the least range, and `beyond` [mm], it sees nothing, be it free or not.
+        Nearer than the least range, and `FREE_BEYOND`, it sees nothing, be it free or not; between the two only beams
+        say so that are `shown` to end farther away.
         """
         bearings, distances = self.directions(points_from(pose, points))
-        beams = self.beams_past(bearings)
+        beams, far = self.beams_past(bearings), 1000.0 * distances
         beside = np.clip(beams[:, None] + np.arange(-FREE_BESIDE, FREE_BESIDE + 1), 0, len(ranges) - 1)
-        seen = np.where(ranges[beside] == 0, FAR, ranges[beside]).min(axis=1)
-        far = 1000.0 * distances
-        looked = (beams >= 0) & (self._farthest[beams] > 0) & (far > self.least + beyond)
-        return np.asarray(looked & (seen > far + FREE_BEYOND))
+        seen, beyond = ranges[beside], far > self.least + FREE_BEYOND
+        seen = np.where(seen == 0, FAR, seen)
+        if shown is not None:
+            seen, beyond = np.where(beyond[:, None] | shown[beside], seen, 0.0), far > self.least
+        looked = (beams >= 0) & (self._farthest[beams] > 0) & beyond
+        return np.asarray(looked & (seen.min(axis=1) > far + FREE_BEYOND))
 
     def directions(self, places: Array) -> tuple[Array, Array]:
         """Of places as seen from the scanner: bearings [rad] and distances [m]; both of the shape of one coordinate."""

@@ -28,19 +28,19 @@ from artemis.values import (
     Verdict,
     Wish,
 )
+from artemis_lab.bench.obstacle_persons import crossed, stepped_aside, stepped_in
 from artemis_lab.bench.obstacle_scenes import (
     BEAMS,
     FIELD,
     PERIOD,
+    RARE,
     Array,
     Passage,
     Scene,
     corridor,
-    crossed,
     random_drive,
+    rarely_seen,
     robot_with_scanner,
-    stepped_aside,
-    stepped_in,
     straight,
 )
 
@@ -105,7 +105,7 @@ def persons(pool: Executor, scenes: int, first: int, done: Callable[[], object])
 
 
 def who_stays(pool: Executor, scenes: int, first: int, done: Callable[[], object]) -> Bar:
-    """A person who steps in where the robot brakes, or aside before it, and stays where the scanner sees nothing."""
+    """A person who steps in where the robot brakes, or aside before it, where the scanner sees nothing."""
     contacts: list[str] = []
     for drive in (stepped_in, stepped_aside):
         for seed, outcome in enumerate(pool.map(drive, range(first, first + scenes), chunksize=10), first):
@@ -114,7 +114,20 @@ def who_stays(pool: Executor, scenes: int, first: int, done: Callable[[], object
                 contacts.append(f"{drive.__name__}({seed})")
     words = f"{len(contacts)} in {2 * scenes} scenes"
     words += f": {', '.join(contacts[:5])}" if contacts else ""
-    return Bar("person who steps in or aside and stays, contact while driving", "0", words, not contacts)
+    return Bar("person who steps in or aside, contact while driving", "0", words, not contacts)
+
+
+def legs(pool: Executor, scenes: int, first: int, done: Callable[[], object]) -> Bar:
+    """Thin ones, from which few beams return."""
+    contacts: list[int] = []
+    for seed, outcome in enumerate(pool.map(rarely_seen, range(first, first + scenes), chunksize=10), first):
+        done()
+        if outcome.contact is not None:
+            contacts.append(seed)
+    words = f"{len(contacts)} in {scenes} scenes"
+    words += f"; seeds {', '.join(map(str, contacts[:5]))}" if contacts else ""
+    name = f"thin leg, {100 * (1 - RARE):.0f} % of the beams return, contact"
+    return Bar(name, "0", words, not contacts)
 
 
 def slow_downs(pool: Executor, metres: float, first: int, done: Callable[[], object]) -> Iterator[Bar]:

@@ -6,7 +6,7 @@ import sys
 
 from rich.progress import Progress
 
-from artemis_lab.bench.obstacle_bars import PIECE, cost, persons, slow_downs, standing, who_stays, workers
+from artemis_lab.bench.obstacle_bars import PIECE, cost, legs, persons, slow_downs, standing, who_stays, workers
 from artemis_lab.bench.tables import Grid
 
 LOOKS = 2000
@@ -16,13 +16,13 @@ def measure(scenes: int, first: int, metres: float, number: int) -> int:
     """Print the table. Returns 0 when all bars are met, else 1.
 
     Args:
-        scenes: random ones of what stands; a tenth as many of persons who cross, who step in, and who step aside.
+        scenes: random ones of what stands; a tenth as many of persons who cross, step in, step aside, and of thin legs.
         first: seed of the first.
         metres: that are driven in the corridor, and in dust.
         number: of processes.
     """
     crossing = max(1, scenes // 10)
-    total = scenes + 3 * crossing + 2 * max(1, round(metres / PIECE))
+    total = scenes + 4 * crossing + 2 * max(1, round(metres / PIECE))
     found = [cost(LOOKS)]  # before others need the processor
     with Progress(disable=not sys.stdout.isatty()) as progress, workers(number) as pool:
         bar = progress.add_task("drives", total=total)
@@ -33,6 +33,7 @@ def measure(scenes: int, first: int, metres: float, number: int) -> int:
         found.append(standing(pool, scenes, first, done))
         found.append(persons(pool, crossing, first, done))
         found.append(who_stays(pool, crossing, first, done))
+        found.append(legs(pool, crossing, first, done))
         found += slow_downs(pool, metres, first, done)
     rows = [(it.name, it.bar, it.measured, "yes" if it.met else "NO") for it in found]
     sys.stdout.write(Grid(title="obstacle stop", head=("what", "bar", "measured", "met"), rows=rows).text())

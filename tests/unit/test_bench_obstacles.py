@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from artemis.cli import app
 from artemis.motion import obstacles
 from artemis_lab.bench import obstacle_bars
-from artemis_lab.bench.obstacle_bars import cost, look_times, persons, slow_downs, standing, who_stays
+from artemis_lab.bench.obstacle_bars import cost, legs, look_times, persons, slow_downs, standing, who_stays
 
 CALLS = 75
 """Python functions that a look with three arcs calls at most: in each third one it also looks for what moves."""
@@ -35,7 +35,7 @@ def short(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("first", [7, pytest.param(100, marks=pytest.mark.exhaustive)])
 def test_slice_of_the_bars(first: int) -> None:
-    bars = [each(Here(), 3, first, done) for each in (standing, who_stays)]
+    bars = [each(Here(), 3, first, done) for each in (standing, who_stays, legs)]
     bars += [persons(Here(), 8, first, done), *slow_downs(Here(), 4.0, first, done)]
 
     assert all(bar.met for bar in bars), bars
@@ -49,6 +49,7 @@ def test_bars_fail_without_the_stop(monkeypatch: pytest.MonkeyPatch) -> None:
     assert not standing(Here(), 8, 2000, done).met
     assert not persons(Here(), 8, 0, done).met
     assert not who_stays(Here(), 8, 0, done).met
+    assert not legs(Here(), 4, 0, done).met
 
 
 def test_a_look_calls_few_functions() -> None:
@@ -89,7 +90,8 @@ def test_command_prints_one_table(monkeypatch: pytest.MonkeyPatch) -> None:
         "a",
         "contacts with what stands",
         "person crossing at 1.5 m/s, contact faster than 0.1 m/s",
-        "person who steps in or aside and stays, contact while driving",
+        "person who steps in or aside, contact while driving",
+        "thin leg, 15 % of the beams return, contact",
         "corridor of 0.90 m",
         "dust of 0.0005 a beam",
     ]

@@ -1,5 +1,6 @@
 """What one scanner makes of its scans: only what stands there, and in the end all of it."""
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -8,7 +9,7 @@ from artemis.motion.sweep import Rectangle
 from artemis.motion.view import View
 from artemis.scan import Scan
 from artemis.values import Pose
-from artemis_lab.bench.obstacle_scenes import ANGLES, BEAMS, FARTHEST, FIELD, OUTLINE, PERIOD, SCANNER, Scene
+from artemis_lab.bench.obstacle_scenes import ANGLES, BEAMS, FARTHEST, FIELD, HALL, OUTLINE, PERIOD, SCANNER, Scene
 
 BOX = Rectangle(-OUTLINE.rear_m, OUTLINE.front_m, OUTLINE.half_width_m)
 SLIT = np.array([[-2.0, 1.0, 1.8, 1.0], [2.2, 1.0, 6.0, 1.0], [-2.0, 2.0, 6.0, 2.0]])
@@ -61,7 +62,7 @@ def test_what_is_remembered_may_leave_the_surroundings_before_it_is_forgotten() 
         view.move(pose, replaced=True)
         view.take(seen(wall, Pose(), time, dice), time, 0.0, 0.0, creeping=False)
 
-    points, kept, _ = view.around()
+    points, _, kept, _ = view.around()
     assert points.shape[1] > kept.shape[1] > 0
     assert kept[0].min() < -7.0 < 0.5 < kept[0].max()
 
@@ -71,7 +72,7 @@ def kept_of(scene: Scene, view: View | None = None) -> np.ndarray:
     view, dice = view or View(SCANNER, BOX, 1.65, 1.1), np.random.default_rng(1)
     for tick in range(3):
         view.take(seen(scene, Pose(), tick * PERIOD, dice), tick * PERIOD, 0.0, 0.0, creeping=False)
-    return view.around()[1]
+    return view.around()[2]
 
 
 def test_a_wall_beside_the_robot_goes_on_to_behind_it() -> None:
@@ -102,6 +103,23 @@ def test_a_surface_goes_on_across_the_seam_of_a_scanner_that_looks_all_around() 
         scan = Scan(source="front", time=tick * PERIOD, start_angle=0.0, increment=np.radians(0.5), ranges=packed)
         view.take(scan, tick * PERIOD, 0.0, 0.0, creeping=False)
 
-    kept = view.around()[1]
+    kept = view.around()[2]
     assert (np.abs(kept[0] - wall) < 0.03).all()
     assert np.diff(np.sort(kept[1])).max() < 0.06
+
+
+@pytest.mark.parametrize("aside", [-0.21, -0.12, 0.03, 0.12, 0.29])
+def test_beams_a_degree_apart_do_not_forget_a_leg_of_a_chair(aside: float) -> None:
+    """It hides two or three of them within the least range."""
+    view, dice = View(SCANNER, BOX, 1.65, 1.1), np.random.default_rng(1)
+    leg = np.array([[1.4, aside, 0.0125]])
+    for tick in range(45):
+        pose, time = Pose(x=0.3 * 0.04 * tick), 0.04 * tick
+        fine = seen(Scene(HALL, leg), pose, time, dice)
+        view.move(pose, replaced=True)
+        packed = fine.millimetres[::2].astype("<u2").tobytes()
+        scan = msgspec.structs.replace(fine, increment=2 * fine.increment, ranges=packed)
+        view.take(scan, time, 0.3, 0.0, creeping=False)
+
+    there = view.around()[2] + np.array([[pose.x], [pose.y]]) - leg[0, :2, np.newaxis]
+    assert np.hypot(*there).min(initial=np.inf) < 0.05
