@@ -29,10 +29,11 @@ KEPT = 50
 """The last scans that are kept."""
 FEWEST, WIDTH = 5, radians(2.5)
 """So many neighbouring beams lose it together, and together they are so wide; fewer are dust, or an edge."""
-SUDDEN, BEHIND = 2, 2.0
-"""So many times as many beams that are lost in one scan while the scanner stands hide behind what was not seen to come:
-it is put down, or steps up from where no scanner looks; what goes away is lost beam by beam. And what is lost so many
-times farther than the least range is not what has come too near, but stands behind it."""
+SUDDEN = 2
+"""While the scanner stands, what is put down before it, or steps up from where it does not look, hides so many times as
+many beams at once, and more than anybody uncovers who walks away; they stay lost in the next scan."""
+BEHIND = 2.0
+"""What was seen so many times farther than the least range is not what came too near, but stands behind it."""
 
 
 class NotedScan(NamedTuple):
@@ -79,9 +80,12 @@ class Approaches:
     def _begin(self, beams: int) -> None:
         self._before: deque[NotedScan] = deque(maxlen=KEPT)
         self._from = self._stood = Pose(x=inf)
-        self._aligned, self._time, self._reach = 0.0, -inf, self._least + WALK * GAPS * LEAST_GAP
+        self._aligned, self._time = 0.0, -inf
+        self._walked = WALK * LEAST_GAP
+        self._reach = self._least + GAPS * self._walked
         self._standing, self._last, self._places = np.zeros(beams), np.zeros(beams), np.zeros((2, beams))
-        self._empty = self._came = self._aside = self._hidden = self._near = np.zeros(beams, np.bool_)
+        self._ranges = np.zeros(beams)
+        self._empty = self._came = self._aside = self._hidden = self._near = self._sudden = np.zeros(beams, np.bool_)
 
     def take(self, seen: NotedScan, increment: float, *, slow: bool) -> NDArray[np.bool_]:
         """Take a new scan; beams lie `increment` apart [rad].
@@ -99,11 +103,11 @@ class Approaches:
         if self._last.size != seen.ranges.size:
             self._begin(seen.ranges.size)
         self._before.append(seen)
-        if not slow and not (seen.shown & (seen.ranges < self._reach)).any() and not (self._last > 0.0).any():
-            return self._hidden
-        self._add(seen, increment)
-        self._hidden = self._found(seen.ranges == 0.0, seen.pose, increment)
-        self._near = seen.shown & (seen.ranges < self._reach)
+        near = seen.shown & (seen.ranges < self._reach)
+        if slow or near.any() or (self._last > 0.0).any():
+            self._add(seen, increment)
+            self._hidden = self._found(seen.ranges == 0.0, seen.pose, increment)
+        self._ranges, self._near = seen.ranges, near
         if not slow and not self._hidden.any() and not ((self._last > 0.0) & (self._last < self._reach)).any():
             self._last = np.zeros(self._last.size)  # it is not followed while nothing is near
         return self._hidden
@@ -119,7 +123,8 @@ class Approaches:
             self._standing, self._empty = _shifted(self._standing, by), _shifted(self._empty, by)
             self._last, self._places = _shifted(self._last, by), _shifted(self._places, by)
             self._came, self._hidden = _shifted(self._came, by), _shifted(self._hidden, by)
-            self._aside, self._near = _shifted(self._aside, by), _shifted(self._near, by)
+            self._aside, self._sudden = _shifted(self._aside, by), _shifted(self._sudden, by)
+            self._near, self._ranges = _shifted(self._near, by), _shifted(self._ranges, by)
         if self._moved(self._from, pose) > STAYS:
             self._from, self._came = pose, np.zeros(ranges.size, np.bool_)
             self._hidden = self._came
@@ -129,16 +134,17 @@ class Approaches:
         self._standing = np.maximum(self._standing, told)
         self._last = np.where(shown, told, self._last)
         self._places = np.where(shown, placed_points(pose, self._place), self._places)
-        self._reach, self._time = self._least + WALK * GAPS * max(time - self._time, LEAST_GAP), time
+        self._walked, self._time = WALK * max(time - self._time, LEAST_GAP), time
+        self._reach = self._least + GAPS * self._walked
 
     def _found(self, empty: NDArray[np.bool_], pose: Pose, increment: float) -> NDArray[np.bool_]:
         dx, dy = self._places - placed_points(pose, self._place)
         known = empty & (self._last > 0.0) & (dx * dx + dy * dy < STAYS * STAYS)
         newly = known & ~self._empty
         near = newly & (self._last < self._reach)
-        beside = newly & ~near
-        aside = beside & (self._standing > 0.0)
-        self._aside = (self._aside | aside) & empty
+        farther = newly & ~near
+        while_standing = farther & (self._standing > 0.0)
+        self._aside = (self._aside | while_standing) & empty
         self._empty, self._came, lost = empty, self._came & empty, near.nonzero()[0]
         if lost.size:
             came = self._standing[lost] > self._last[lost] + CAME
@@ -146,8 +152,13 @@ class Approaches:
                 came |= self._was_free(self._before[0], lost, self._last[lost], self._places[:, lost])
             self._came[lost] = came
         fewest = max(FEWEST, ceil(WIDTH / abs(increment)))
-        if beside.any():
-            self._came |= self._gone_on(beside, aside, fewest) | wide(aside, SUDDEN * fewest)
+        self._came |= self._sudden & empty
+        self._sudden = np.zeros(empty.size, np.bool_)
+        if farther.any():
+            self._came |= self._gone_on(farther, while_standing, fewest)
+            for first, end in runs(wide(while_standing, SUDDEN * fewest)):
+                covers = (end - first) * abs(increment) * self._last[first:end].min()
+                self._sudden[first:end] = covers > self._walked
         if not (self._came.any() or self._hidden.any() or self._aside.any()):
             return self._came
         found, aside = wide(self._came, fewest), wide(self._aside, fewest)
@@ -160,15 +171,17 @@ class Approaches:
                 found[first:end] |= self._hidden[max(first - fewest, 0) : end + fewest].any()
         return found
 
-    def _gone_on(self, beside: NDArray[np.bool_], aside: NDArray[np.bool_], fewest: int) -> NDArray[np.bool_]:
-        """Beams that lose a surface far behind what is too near beside them: a thin thing that goes on from there."""
-        lost = beside & widened(self._came, fewest) | aside & widened(self._near, fewest)
+    def _gone_on(self, farther: NDArray[np.bool_], while_standing: NDArray[np.bool_], fewest: int) -> NDArray[np.bool_]:
+        """Of the beams that are lost now: those of a surface far behind what is too near beside them.
+
+        A thin thing goes on from there: it leaves its own beams, and hides what others showed.
+        """
+        lost = farther & widened(self._came, fewest) | while_standing & widened(self._near, fewest)
         lost &= self._last > BEHIND * self._least
         if lost.any():
-            before = self._before[-2].ranges
-            same = (np.abs(before[1:] - before[:-1]) < CAME) & (before[1:] > 0.0)
-            surface = widened(wide(same, SUDDEN * fewest), 1)
-            lost[1:] &= surface
+            same = np.zeros(lost.size, np.bool_)
+            same[1:] = (np.abs(self._ranges[1:] - self._ranges[:-1]) < CAME) & (self._ranges[1:] > 0.0)
+            lost &= widened(wide(same, SUDDEN * fewest), 1)
         return lost
 
 

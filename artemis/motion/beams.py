@@ -67,18 +67,19 @@ def wide(some: NDArray[np.bool_], fewest: int) -> NDArray[np.bool_]:
 def least_beside(ranges: Array, beside: int) -> Array:
     """The least return of each beam and of so many to both sides of it [mm]; 0: something may stand there unseen.
 
-    `FEW` neighbouring beams without a return say nothing, unless they are among the `FEW` next to it.
+    `FEW` neighbouring beams without a return say nothing, unless they are among the `FEW` next to it: a pole of 2 cm
+    within the least range hides four beams of half a degree, or two of a degree, and the end of a plate fewer.
     """
-    empty = ranges == 0.0  # a pole of 2 cm within the least range hides four beams of half a degree
+    empty = ranges == 0.0
     together = empty[:-2] & empty[1:-1] & empty[2:]
     few = empty.copy()
     for part in (slice(None, -2), slice(1, -1), slice(2, None)):
         few[part] &= ~together
-    return np.asarray(np.minimum(_least(np.where(few, inf, ranges), beside), _least(ranges, FEW)))
+    return np.asarray(np.minimum(least_within(np.where(few, inf, ranges), beside), least_within(ranges, FEW)))
 
 
-def _least(ranges: Array, beside: int) -> Array:
-    """Of each beam and of so many, at least one, to both sides of it."""
+def least_within(ranges: Array, beside: int) -> Array:
+    """The least range of each beam and of so many, at least one, to both sides of it."""
     least, width, count = np.empty(len(ranges) + 2 * beside), 1, 2 * beside + 1
     least.fill(inf)
     least[beside:-beside] = ranges

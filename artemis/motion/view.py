@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from artemis.motion.angles import wrap
 from artemis.motion.approaches import Approaches, NotedScan
 from artemis.motion.arrays import Array, Indices
-from artemis.motion.beams import ScanPeriod, least_beside, seeing, seen_twice, widened
+from artemis.motion.beams import FEW, ScanPeriod, least_beside, least_within, seeing, seen_twice, widened
+from artemis.motion.held import Held
 from artemis.motion.movers import NOTHING, Movers
 from artemis.motion.points import placed_points, points_from
 from artemis.motion.poses import placed, seen_from
@@ -27,12 +28,12 @@ NEAR = 0.3
 LEAVING, EDGE = 150, radians(4.0)
 """Returns so little beyond the least range [mm], or so near the edges of the field of view, are remembered."""
 BESIDE, BEYOND = 12, 150
-"""A remembered point is gone once so many beams to both sides of it show something so much farther [mm]."""
+"""A remembered point is gone once so many beams to both sides of it show something so much farther [mm]; see
+`least_beside`."""
 THINNED: Array = np.array(0.025)
 """Remembered points lie in cells of this width [m], one in each."""
-RECENT, HELD = 2, 0.5
-"""A return is compared with the scan before and, where that shows none, with so many before it; what counted and is
-lost is held for so long [s]. Thin legs return a beam in few of the scans."""
+RECENT = 2
+"""A return is compared with the scan before and, where its beam returned nothing then, with so many before that."""
 FAR = 1_000_000.0
 """Farther than anything [mm]."""
 NOTED, TURNED = 0.02, radians(1.0)
@@ -65,7 +66,7 @@ class View:
         """
         self._scanner, self._box, self._lookahead = scanner, box, lookahead
         self._near = box.grown(NEAR)
-        self._movers = Movers()
+        self._movers, self._held = Movers(), Held()
         self._close = box.grown(margin + UP_TO)
         self._x, self._y = np.array(float(scanner.x_m)), np.array(float(scanner.y_m))
         self.place: Array = np.array([[scanner.x_m], [scanner.y_m]])
@@ -91,15 +92,21 @@ class View:
 
     def forget(self) -> None:
         """As if nothing had been seen."""
-        self._time, self._pose, self.millimetres = -inf, Pose(), np.zeros(0)
+        self._time, self._pose, self._points_at = -inf, Pose(), Pose()
+        self._begin(0)
         self._period = ScanPeriod()
         self._noted, self._continued = Pose(x=inf), False
-        self._approaches.forget()
-        self._points, self._kept, self._coming, self._held = NOTHING, NOTHING, NOTHING, NOTHING
-        self._counted, self._empty, self._until = np.zeros(0, np.bool_), np.zeros(0, np.intp), np.zeros(0)
-        self._recent: deque[Array] = deque(maxlen=RECENT)
+        self._points, self._kept, self._coming = NOTHING, NOTHING, NOTHING
+        self._held.forget()
         self._movers.forget()
         self._sorted_at = -inf
+
+    def _begin(self, beams: int) -> None:
+        """Compare with no scan before: none has come, or it had other beams."""
+        self.millimetres, self._twice = np.zeros(beams), np.zeros(beams, np.bool_)
+        self._beams, self._empty = np.zeros(0, np.intp), np.zeros(0, np.intp)
+        self._recent: deque[Array] = deque(maxlen=RECENT)
+        self._approaches.forget()
 
     def age(self, now: float) -> float:
         """Of the newest scan [s]; infinite: the scanner is lost, or none has come."""
@@ -108,7 +115,7 @@ class View:
 
     def around(self) -> tuple[Array, Array, Array, Array]:
         """Every point that counts: seen by the newest scan, held, remembered, and where something will be."""
-        return self._points, self._held, self._kept, self._coming
+        return self._points, self._held.points, self._kept, self._coming
 
     @property
     def sees_motion(self) -> bool:
@@ -148,10 +155,10 @@ class View:
             return
         moved = seen_from(before, pose)
         if not replaced:
-            self._points = points_from(moved, self._points)
+            self._points, self._points_at = points_from(moved, self._points), pose
         self._kept, self._coming = points_from(moved, self._kept), points_from(moved, self._coming)
-        if self._held.size:
-            self._held = points_from(moved, self._held)
+        if self._held.points.size:
+            self._held.move(moved)
 
     def take(self, scan: Scan, now: float, speed: float, turn: float, *, creeping: bool) -> None:
         """Take a new scan.
@@ -166,34 +173,30 @@ class View:
         ranges = scan.millimetres.astype(np.float64)
         if (shape := (scan.start_angle, scan.increment, len(ranges))) != self.shape:
             self._fit(*shape)
-        if self.millimetres.size != ranges.size:
-            self.millimetres, self._counted = np.zeros_like(ranges), np.zeros(ranges.size, np.bool_)
-            self._recent.clear()
+            self._begin(len(ranges))
+        elif self.millimetres.size != ranges.size:
+            self._begin(len(ranges))
         before, self.millimetres, known = self.millimetres, ranges, bool(self._recent)
         self._period.take(scan)
-        age, self._time = now - self._time, scan.time + scan.beam_time * len(ranges)
+        self._time = scan.time + scan.beam_time * len(ranges)
         near = (ranges > 0.0) & (ranges < self._farthest)
         seen = NotedScan(ranges, self.unmasked & (ranges >= self._least), self._pose, scan.time)
         self._look_for_approaches(seen, slow=creeping)
-        recent = self._returned(before) if self._empty.size else before
+        twice = seen_twice(near, ranges, self._returned(before) if self._empty.size else before)
         self._recent.appendleft(before)
         self._empty = (ranges == 0.0).nonzero()[0]
-        counts = seen_twice(near, ranges, recent)
-        lost = self._empty[self._counted.take(self._empty)]
-        if lost.size or self._held.size:
-            ends = self._seen(before, age, 0.0, speed, turn).take(lost, 1) if lost.size else NOTHING
-            self._hold(ends, counts, now)
-        self._counted = counts
-        if not (self._kept.size or self.sees_motion or near.any()):
-            self._points = self._coming = NOTHING
+        if self._empty.size or self._held.points.size:
+            self._hold(twice, now)
+        self._twice = twice
+        if not (self._kept.size or self._held.points.size or self.sees_motion or near.any()):
+            self._points, self._beams, self._coming = NOTHING, self._empty[:0], NOTHING
             return
         points = self._seen(ranges, now - scan.time, scan.beam_time, speed, turn)
-        if creeping:
-            counts = counts | near & self._is_close(ranges)
-        beams = counts.nonzero()[0]
+        counts = twice | near & self._is_close(ranges) if creeping else twice
+        self._beams = beams = counts.nonzero()[0]
         if len(beams) < len(ranges):
             points = points.take(beams, 1)
-        self._points = points
+        self._points, self._points_at = points, self._pose
         if known and not self._continued:
             self._continued = True
             self._continue_surfaces(seen_twice(self.unmasked & (ranges >= self._least), ranges, before))
@@ -203,20 +206,23 @@ class View:
             self._find_moving(scan, now, speed, turn)
         self._remember(points, beams)
 
-    def _hold(self, lost: Array, counts: NDArray[np.bool_], now: float) -> None:
-        """Keep what counted in the scan before and is lost now, until its beam shows it again, or what lies beyond."""
+    def _hold(self, twice: NDArray[np.bool_], now: float) -> None:
+        """Hold what was seen twice in the scan before and is lost now; remember what of it may leave the view."""
+        lost = (self._twice.take(self._beams) & (self.millimetres.take(self._beams) == 0.0)).nonzero()[0]
         if lost.size:
-            self._held = np.concatenate((self._held, lost), 1)
-            self._until = np.concatenate((self._until, np.full(lost.shape[1], now + HELD)))
-        cells = self._cells(self._held)
-        beams, far = self._beam_of.take(cells), self._distance_of.take(cells)
-        there = self.millimetres.take(beams)
-        self._until[np.abs(there - far) < BEYOND] = now + HELD
-        stays = (self._until > now) & ~counts.take(beams) & (there < far + BEYOND)
-        self._held, self._until = self._held.take(stays.nonzero()[0], 1), self._until[stays]
+            moved = seen_from(self._points_at, self._pose)
+            self._held.add(points_from(moved, self._points.take(lost, 1)), now)
+        if self._held.points.size:
+            bearings, distances = self.directions(self._held.points)
+            beams, far = self.beams_past(bearings), 1000.0 * distances
+            looks = (beams >= 0) & self.unmasked.take(beams)
+            there, beside = self.millimetres.take(beams) * looks, least_within(self.millimetres, FEW).take(beams)
+            stays = self._held.judge(there, far, twice.take(beams), beside * looks, now)
+            leaves = ~looks | (far < self._leaving.take(beams))
+            self._keep(self._held.points.take(leaves.take(stays).nonzero()[0], 1))
 
     def _returned(self, before: Array) -> Array:
-        """The newest return of each beam in the scan before and in the last ones before it [mm]."""
+        """Of each beam in the scan before, or in the newest of the last ones before it that shows any [mm]."""
         for older in self._recent:
             before = np.where(before, before, older)
         return before
@@ -313,9 +319,6 @@ class View:
         self._noted = pose
         leaves = self.millimetres < self._leaving
         self._keep(points.take(leaves.take(beams).nonzero()[0][::-1], 1))
-        if self._held.size:
-            near = self._distance_of.take(self._cells(self._held)) < self.least + LEAVING
-            self._keep(self._held.take(near.nonzero()[0], 1))
 
     def _keep(self, new: Array) -> None:
         """Remember points, in each cell one."""
@@ -345,7 +348,7 @@ class View:
         cells = self._cells(self._kept)
         farthest = self._hides.take(cells)
         kept = farthest >= 0.0
-        if np.count_nonzero(farthest < inf):
+        if (farthest < inf).nonzero()[0].size:
             kept &= least_beside(self.millimetres, BESIDE).take(self._beam_of.take(cells)) <= farthest
         self._kept = self._kept.take(kept.nonzero()[0], 1)
 

@@ -31,7 +31,7 @@ class Walk(NamedTuple):
 
 
 @dataclass(slots=True, kw_only=True)
-class Person(Scene):
+class Pedestrian(Scene):
     """All circles are one person, who walks one way after the other, and stays where the last one ended."""
 
     walks: deque[Walk]
@@ -89,7 +89,7 @@ def crossing(seed: int) -> tuple[Scene, float]:
     return Scene(circles=np.array([[x - walk[0] * meet, y - walk[1] * meet, 0.2]]), moves=np.array([walk])), meet
 
 
-def stepping_in(seed: int) -> tuple[Person, float]:
+def stepping_in(seed: int) -> tuple[Pedestrian, float]:
     """A person who walks to where the robot brakes; when that is [s]. In a hall or on open ground."""
     dice = np.random.default_rng(seed)
     meet, turn, walk = dice.uniform([1.5, math.radians(-150.0), 0.4], [3.0, math.radians(150.0), 1.6])
@@ -97,10 +97,10 @@ def stepping_in(seed: int) -> tuple[Person, float]:
     vx, vy = -walk * math.cos(turn), -walk * math.sin(turn)
     hall = HALL if dice.random() < 0.5 else np.zeros((0, 4))
     walks = deque([Walk(vx, vy, gap=dice.uniform(0.05, 0.35)), *_going_on(dice)])
-    return Person(hall, _body(dice, x - vx * meet, y - vy * meet), walks=walks), meet
+    return Pedestrian(hall, _body(dice, x - vx * meet, y - vy * meet), walks=walks), meet
 
 
-def stepping_aside(seed: int) -> tuple[Person, float]:
+def stepping_aside(seed: int) -> tuple[Pedestrian, float]:
     """A person in a hall, who steps aside once the robot has stopped before him: it would roll into him there.
 
     Returns:
@@ -111,7 +111,7 @@ def stepping_aside(seed: int) -> tuple[Person, float]:
     x, y, walk = dice.uniform([OUTLINE.front_m + 1.0, -0.2, 0.1], [OUTLINE.front_m + 2.0, 0.2, 0.6])
     far, speed = dice.uniform([0.1, 0.2], [0.4, 0.7])
     aside = Walk(walk * math.cos(turn), walk * math.sin(turn), far / walk, after=1.0)
-    return Person(HALL, _body(dice, x, y), walks=deque([aside, *_going_on(dice)])), speed
+    return Pedestrian(HALL, _body(dice, x, y), walks=deque([aside, *_going_on(dice)])), speed
 
 
 def crossed(seed: int) -> Passage:

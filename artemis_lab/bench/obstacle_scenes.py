@@ -36,7 +36,7 @@ LOOKED = 1.5
 DELAY = 2
 """Ticks until the wheels do what left the gate."""
 LOST, RARE = 0.2, 0.85
-"""Share of the beams that return nothing: in every fourth random scene, and from chairs."""
+"""Share of the beams that return nothing: in every fourth random scene, and in those with a thin leg."""
 HALL: Array = np.array([[-9.0, -6.0, 9.0, -6.0], [9.0, -6.0, 9.0, 6.0], [9.0, 6.0, -9.0, 6.0], [-9.0, 6.0, -9.0, -6.0]])
 """Segments [m]."""
 STANDS = 5
@@ -305,7 +305,7 @@ class Steady(Driver):
 
 
 def rarely_seen(seed: int) -> Passage:
-    """At full speed straight to a leg of 2.5 to 4 cm, from which few beams return; in a hall or on open ground."""
+    """At full speed to a leg of 2.5 to 4 cm, while few beams return; in a hall or on open ground."""
     dice = np.random.default_rng(seed)
     x, y, radius = dice.uniform([2.0, -0.25, 0.0125], [4.0, 0.25, 0.02])
     scene = Scene(HALL if dice.random() < 0.5 else np.zeros((0, 4)), np.array([[x, y, radius]]))
