@@ -20,6 +20,8 @@ from lateness import skip_if_late
 
 _LOOK = 0.1
 """After this time without output [s], whether the process still runs."""
+_READS = 2000
+"""So often something new is read while other words are awaited: for a minute or two."""
 
 
 class Terminal:
@@ -51,8 +53,12 @@ class Terminal:
 
     def see(self, pattern: str) -> str:
         """Wait for words that were not seen before; what came up to them."""
-        while (found := re.search(pattern, self.shown)) is None:
+        for _ in range(_READS):
+            if found := re.search(pattern, self.shown):
+                break
             self._read(f"{pattern!r} in {self.shown!r}")
+        else:
+            raise AssertionError(f"{pattern!r} is not in {self.shown!r}")
         seen, self.shown = self.shown[: found.start()], self.shown[found.end() :]
         return seen
 
