@@ -19,9 +19,9 @@ from artemis.values import Pose
 CAME = 150.0
 """A thing has come nearer once a beam shows it nearer than it showed anything before by so much [mm]; else, if nothing
 was there in the first of the last scans."""
-WALK, GAPS, LEAST_GAP = 2000.0, 2.0, 0.04
+WALK, GAPS, LEAST_GAP, MOST_GAP = 2000.0, 2.0, 0.04, 0.5
 """It was seen last no farther beyond the least range than somebody walks at this speed [mm/s] in so many periods of the
-scanner; a period counts as at least so long [s]."""
+scanner; a period counts as at least and at most so long [s]."""
 STANDS, STAYS = 0.01, 0.1
 """While the scanner has moved no farther than the first [m] another thing in a beam is there because it moved; up to
 the second it is only where nothing was before: edges of what stands go through the beams of a robot that moves."""
@@ -80,9 +80,7 @@ class Approaches:
     def _begin(self, beams: int) -> None:
         self._before: deque[NotedScan] = deque(maxlen=KEPT)
         self._from = self._stood = Pose(x=inf)
-        self._aligned, self._time = 0.0, -inf
-        self._walked = WALK * LEAST_GAP
-        self._reach = self._least + GAPS * self._walked
+        self._aligned, self._time = 0.0, inf
         self._standing, self._last, self._places = np.zeros(beams), np.zeros(beams), np.zeros((2, beams))
         self._ranges = np.zeros(beams)
         self._empty = self._came = self._aside = self._hidden = self._near = self._sudden = np.zeros(beams, np.bool_)
@@ -103,12 +101,15 @@ class Approaches:
         if self._last.size != seen.ranges.size:
             self._begin(seen.ranges.size)
         self._before.append(seen)
+        self._walked, self._time = WALK * min(max(seen.time - self._time, LEAST_GAP), MOST_GAP), seen.time
+        self._reach = self._least + GAPS * self._walked
         near = seen.shown & (seen.ranges < self._reach)
         if slow or near.any() or (self._last > 0.0).any():
             self._add(seen, increment)
             self._hidden = self._found(seen.ranges == 0.0, seen.pose, increment)
         self._ranges, self._near = seen.ranges, near
-        if not slow and not self._hidden.any() and not ((self._last > 0.0) & (self._last < self._reach)).any():
+        close = self._hidden | self._sudden | (self._last > 0.0) & (self._last < self._reach)
+        if not slow and not close.any():
             self._last = np.zeros(self._last.size)  # it is not followed while nothing is near
         return self._hidden
 
@@ -117,7 +118,7 @@ class Approaches:
         return hypot(end.x - begin.x, end.y - begin.y) + self._lever * abs(difference(end.heading, begin.heading))
 
     def _add(self, seen: NotedScan, increment: float) -> None:
-        ranges, shown, pose, time = seen
+        ranges, shown, pose = seen.ranges, seen.shown, seen.pose
         if by := -round(difference(pose.heading, self._aligned) / increment):
             self._aligned -= by * increment
             self._standing, self._empty = _shifted(self._standing, by), _shifted(self._empty, by)
@@ -134,8 +135,6 @@ class Approaches:
         self._standing = np.maximum(self._standing, told)
         self._last = np.where(shown, told, self._last)
         self._places = np.where(shown, placed_points(pose, self._place), self._places)
-        self._walked, self._time = WALK * max(time - self._time, LEAST_GAP), time
-        self._reach = self._least + GAPS * self._walked
 
     def _found(self, empty: NDArray[np.bool_], pose: Pose, increment: float) -> NDArray[np.bool_]:
         dx, dy = self._places - placed_points(pose, self._place)

@@ -46,7 +46,7 @@ def seeing(degrees: NDArray[np.floating[Any]], mask: Sequence[tuple[float, float
 
 def widened(some: NDArray[np.bool_], count: int) -> NDArray[np.bool_]:
     """Some beams, and so many to both sides of each."""
-    return np.asarray(np.convolve(some, np.ones(2 * count + 1), "same") > 0.5)
+    return np.asarray(np.convolve(some, np.ones(2 * count + 1))[count : count + len(some)] > 0.5)
 
 
 def runs(some: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:

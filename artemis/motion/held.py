@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from artemis.motion.arrays import Array, Indices
+from artemis.motion.arrays import Array
 from artemis.motion.movers import NOTHING
 from artemis.motion.points import points_from
 from artemis.values import Pose
 
 HELD = 0.5
-"""It is held for so long since it was seen last [s]."""
+"""It is held for so long since it was lost, or one beam showed it last [s]."""
 SAME = 150.0
 """A return that is as far as it, to so much [mm], shows it."""
 
@@ -35,7 +35,7 @@ class Held:
         self.points = np.concatenate((self.points, points), 1)
         self._until = np.concatenate((self._until, np.full(points.shape[1], now + HELD)))
 
-    def judge(self, ranges: Array, far: Array, twice: NDArray[np.bool_], beside: Array, now: float) -> Indices:
+    def judge(self, ranges: Array, far: Array, twice: NDArray[np.bool_], beside: Array, now: float) -> None:
         """Let go what is too old, is seen twice again, or has made way for something farther.
 
         Args:
@@ -44,12 +44,8 @@ class Held:
             twice: whether that beam shows it, or another thing, for the second time.
             beside: the least that this beam and those next to it show [mm]; 0: one of them shows nothing.
             now: time of the tick [s].
-
-        Returns:
-            The numbers of those that are held on.
         """
         same = (ranges > 0.0) & (np.abs(ranges - far) < SAME)
         self._until[same] = now + HELD
         stays = ((self._until > now) & ~(twice & same) & (beside < far + SAME)).nonzero()[0]
         self.points, self._until = self.points.take(stays, 1), self._until.take(stays)
-        return stays

@@ -98,7 +98,6 @@ class View:
         self._noted, self._continued = Pose(x=inf), False
         self._points, self._kept, self._coming = NOTHING, NOTHING, NOTHING
         self._held.forget()
-        self._movers.forget()
         self._sorted_at = -inf
 
     def _begin(self, beams: int) -> None:
@@ -107,6 +106,7 @@ class View:
         self._beams, self._empty = np.zeros(0, np.intp), np.zeros(0, np.intp)
         self._recent: deque[Array] = deque(maxlen=RECENT)
         self._approaches.forget()
+        self._movers.forget()
 
     def age(self, now: float) -> float:
         """Of the newest scan [s]; infinite: the scanner is lost, or none has come."""
@@ -192,7 +192,9 @@ class View:
             self._points, self._beams, self._coming = NOTHING, self._empty[:0], NOTHING
             return
         points = self._seen(ranges, now - scan.time, scan.beam_time, speed, turn)
-        counts = twice | near & self._is_close(ranges) if creeping else twice
+        counts = twice if known else near
+        if creeping:
+            counts = counts | near & self._is_close(ranges)
         self._beams = beams = counts.nonzero()[0]
         if len(beams) < len(ranges):
             points = points.take(beams, 1)
@@ -207,19 +209,21 @@ class View:
         self._remember(points, beams)
 
     def _hold(self, twice: NDArray[np.bool_], now: float) -> None:
-        """Hold what was seen twice in the scan before and is lost now; remember what of it may leave the view."""
+        """Hold what was seen twice in the scan before and is lost now."""
         lost = (self._twice.take(self._beams) & (self.millimetres.take(self._beams) == 0.0)).nonzero()[0]
         if lost.size:
             moved = seen_from(self._points_at, self._pose)
             self._held.add(points_from(moved, self._points.take(lost, 1)), now)
         if self._held.points.size:
-            bearings, distances = self.directions(self._held.points)
-            beams, far = self.beams_past(bearings), 1000.0 * distances
-            looks = (beams >= 0) & self.unmasked.take(beams)
+            beams, looks, far = self._looks_at(self._held.points)
             there, beside = self.millimetres.take(beams) * looks, least_within(self.millimetres, FEW).take(beams)
-            stays = self._held.judge(there, far, twice.take(beams), beside * looks, now)
-            leaves = ~looks | (far < self._leaving.take(beams))
-            self._keep(self._held.points.take(leaves.take(stays).nonzero()[0], 1))
+            self._held.judge(there, far, twice.take(beams), beside * looks, now)
+
+    def _looks_at(self, points: Array) -> tuple[Indices, NDArray[np.bool_], Array]:
+        """The beams past points, whether there are any that are not masked, and how far away the points are [mm]."""
+        bearings, distances = self.directions(points)
+        beams = self.beams_past(bearings)
+        return beams, (beams >= 0) & self.unmasked.take(beams), 1000.0 * distances
 
     def _returned(self, before: Array) -> Array:
         """Of each beam in the scan before, or in the newest of the last ones before it that shows any [mm]."""
@@ -286,11 +290,9 @@ class View:
         ranges = np.where(shown, self.millimetres, 0.0)
         ends = self._seen(ranges, 0.0, 0.0, 0.0, 0.0)
         for line in beyond_edges(ends, ranges, self.least + LEAVING, float(THINNED)):
-            bearings, distances = self.directions(line)
-            beams = self.beams_past(bearings)
-            far = 1000.0 * distances
+            beams, looks, far = self._looks_at(line)
             seen = (far >= self.least + LEAVING) | (ranges[beams] > far + BEYOND)  # it, or what lies beyond it
-            past = ((beams >= 0) & self.unmasked[beams] & seen | self._box.holds(line)).nonzero()[0]
+            past = (looks & seen | self._box.holds(line)).nonzero()[0]
             self._kept = np.concatenate((self._kept, line[:, : past[0] if past.size else None]), 1)
 
     def _look_for_approaches(self, seen: NotedScan, *, slow: bool) -> None:
@@ -319,6 +321,9 @@ class View:
         self._noted = pose
         leaves = self.millimetres < self._leaving
         self._keep(points.take(leaves.take(beams).nonzero()[0][::-1], 1))
+        if self._held.points.size:
+            past, looks, far = self._looks_at(self._held.points)
+            self._keep(self._held.points.take((~looks | (far < self._leaving.take(past))).nonzero()[0], 1))
 
     def _keep(self, new: Array) -> None:
         """Remember points, in each cell one."""
@@ -365,15 +370,13 @@ class View:
         Nearer than the least range, and `FREE_BEYOND`, it sees nothing, be it free or not; between the two only beams
         say so that are `shown` to end farther away.
         """
-        bearings, distances = self.directions(points_from(pose, points))
-        beams, far = self.beams_past(bearings), 1000.0 * distances
+        beams, looks, far = self._looks_at(points_from(pose, points))
         beside = np.clip(beams[:, None] + np.arange(-FREE_BESIDE, FREE_BESIDE + 1), 0, len(ranges) - 1)
         seen, beyond = ranges[beside], far > self.least + FREE_BEYOND
         seen = np.where(seen == 0, FAR, seen)
         if shown is not None:
             seen, beyond = np.where(beyond[:, None] | shown[beside], seen, 0.0), far > self.least
-        looked = (beams >= 0) & (self._farthest[beams] > 0) & beyond
-        return np.asarray(looked & (seen.min(axis=1) > far + FREE_BEYOND))
+        return np.asarray(looks & beyond & (seen.min(axis=1) > far + FREE_BEYOND))
 
     def directions(self, places: Array) -> tuple[Array, Array]:
         """Of places as seen from the scanner: bearings [rad] and distances [m]; both of the shape of one coordinate."""

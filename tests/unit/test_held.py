@@ -55,14 +55,15 @@ def test_what_was_seen_twice_is_held_where_it_was_for_half_a_second() -> None:
 
 def test_dust_is_not_held() -> None:
     eyes = Eyes()
-    eyes.take(LEG)
+    for returns in ({}, LEG):
+        eyes.take(returns)
 
     assert not eyes.take({}).size
 
 
 def test_a_return_is_compared_with_three_scans() -> None:
     eyes = Eyes()
-    for returns in (LEG, {}, {}, LEG):
+    for returns in ({}, LEG, {}, {}, LEG):
         eyes.take(returns)
     assert eyes.view.around()[0].shape == (2, 1)
 
@@ -116,6 +117,6 @@ def test_nothing_is_not_near() -> None:
     held = Held()
     held.add(np.array([[0.7], [0.0]]), 0.0)
 
-    stays = held.judge(np.zeros(1), np.array([100.0]), np.zeros(1, np.bool_), np.zeros(1), HELD)
+    held.judge(np.zeros(1), np.array([100.0]), np.zeros(1, np.bool_), np.zeros(1), HELD)
 
-    assert not stays.size
+    assert not held.points.size

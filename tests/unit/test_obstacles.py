@@ -392,6 +392,19 @@ def test_who_walks_away_on_open_ground_hides_behind_nothing(scans: int) -> None:
     assert found is None
 
 
+def test_what_is_put_down_while_the_robot_starts_is_not_missed() -> None:
+    """What is lost in the last scan below 0.1 m/s is judged in the next one."""
+    watch, dice = at_origin(), np.random.default_rng(1)
+    near = np.array([[FRONT + 0.15, -0.2, FRONT + 0.15, 0.2]])
+    box = Scene(np.concatenate((HALL, near)))
+    for scene, speed in ((Scene(HALL), 0.0),) * 20 + ((Scene(HALL), 0.05), (box, 0.12), (box, 0.12)):
+        watch.odometry = changed(watch.odometry, speed=speed)
+        found = watch.look(noisy(scene, dice), speed=speed)
+
+    assert found is not None
+    assert found.speed == 0.0
+
+
 @pytest.mark.sampled(4)
 @pytest.mark.parametrize("seed", [6, *range(5), 25, 27])
 def test_a_leg_from_which_few_beams_return_is_not_touched(seed: int) -> None:

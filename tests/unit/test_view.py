@@ -123,3 +123,58 @@ def test_beams_a_degree_apart_do_not_forget_a_leg_of_a_chair(aside: float) -> No
 
     there = view.around()[2] + np.array([[pose.x], [pose.y]]) - leg[0, :2, np.newaxis]
     assert np.hypot(*there).min(initial=np.inf) < 0.05
+
+
+@pytest.mark.parametrize("beams", [3, 5, 10])
+def test_a_scanner_of_few_beams_is_no_error(beams: int) -> None:
+    view, dice = View(SCANNER, BOX, 1.65, 1.1), np.random.default_rng(1)
+    for tick in range(40):
+        ranges = np.where(dice.random(beams) < 0.5, dice.uniform(500.0, 3000.0, beams), 0.0).astype("<u2")
+        packed = ranges.tobytes()
+        view.take(
+            Scan(source="front", time=0.02 * tick, start_angle=-1.0, increment=2.0 / (beams - 1), ranges=packed),
+            0.02 * tick, 0.0, 0.0, creeping=True,
+        )  # fmt: skip
+
+    assert view.around()[0].shape[1] <= beams
+
+
+def test_a_scanner_whose_first_angle_wavers_is_not_blind() -> None:
+    view = View(SCANNER, BOX, 1.65, 1.1)
+    for tick in range(40):
+        packed = np.full(41, 1000, "<u2").tobytes()
+        start = -0.2 + 1e-7 * (tick % 2)
+        scan = Scan(source="front", time=0.02 * tick, start_angle=start, increment=0.01, ranges=packed)
+        view.take(scan, 0.02 * tick, 0.2, 0.0, creeping=False)
+
+    assert view.around()[0].shape == (2, 41)
+
+
+def test_who_walks_behind_a_mask_before_a_robot_that_stands_is_not_remembered() -> None:
+    """On open ground, where nothing would show that he has gone."""
+    masked = SCANNER.model_copy(update={"mask": [(-5.0, 5.0)]})
+    view, dice = View(masked, BOX, 1.65, 1.1), np.random.default_rng(1)
+    for tick in range(100):
+        person = Scene(circles=np.array([[1.8, -1.0 + 0.02 * tick, 0.15]]))
+        view.take(seen(person, Pose(), 0.02 * tick, dice), 0.02 * tick, 0.0, 0.0, creeping=True)
+
+    assert not view.around()[2].size
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.5, 0.7])
+def test_who_crosses_far_ahead_of_a_robot_that_has_stopped_does_not_come_near(speed: float) -> None:
+    """On open ground, after a drive in which nothing was near."""
+    view, x = View(SCANNER, BOX, 1.65, 1.1), 0.0
+    for tick in range(250):
+        ranges = np.zeros(BEAMS, "<u2")
+        if tick >= 100:
+            first = 200 + (tick - 100)
+            ranges[first : first + 20] = 2000
+            speed = max(speed - 0.02, 0.0)
+        x += speed * PERIOD
+        view.move(Pose(x=x), replaced=True)
+        time, packed = PERIOD * tick, ranges.tobytes()
+        scan = Scan(source="front", time=time, start_angle=-FIELD, increment=ANGLES[1] - ANGLES[0], ranges=packed)
+        view.take(scan, time, speed, 0.0, creeping=speed < 0.1)
+
+    assert not view.around()[2].size
