@@ -137,9 +137,11 @@ def bench_hall(
 
 @bench.command("obstacles")
 def bench_obstacles(
-    scenes: Annotated[
-        int, typer.Option(min=1, help="Number of random scenes; a tenth as many with a person who crosses.")
-    ] = 1000,
+    scenes: Annotated[int, typer.Option(min=1, help="Number of random scenes of what stands.")] = 1000,
+    persons: Annotated[
+        int | None,
+        typer.Option(min=1, help="Number of scenes of each kind with a person or a thin leg; by default a tenth."),
+    ] = None,
     first: Annotated[int, typer.Option(min=0, metavar="SEED", help="Set the seed of the first scene.")] = 0,
     kilometres: Annotated[
         float, typer.Option(min=0.001, metavar="KM", help="Drive this far in a corridor, and in dust.")
@@ -153,7 +155,8 @@ def bench_obstacles(
 
     from artemis_lab.commands.bench_obstacles import measure
 
-    raise typer.Exit(measure(scenes, first, 1000.0 * kilometres, workers or os.cpu_count() or 1))
+    few = persons or max(1, scenes // 10)
+    raise typer.Exit(measure(scenes, few, first, 1000.0 * kilometres, workers or os.cpu_count() or 1))
 
 
 @bench.command("goto")

@@ -12,17 +12,17 @@ from artemis_lab.bench.tables import Grid
 LOOKS = 2000
 
 
-def measure(scenes: int, first: int, metres: float, number: int) -> int:
+def measure(scenes: int, few: int, first: int, metres: float, number: int) -> int:
     """Print the table. Returns 0 when all bars are met, else 1.
 
     Args:
-        scenes: random ones of what stands; a tenth as many of persons who cross, step in, step aside, and of thin legs.
+        scenes: random ones of what stands.
+        few: scenes of persons who cross, of those who step in, of those who step aside, and of thin legs.
         first: seed of the first.
         metres: that are driven in the corridor, and in dust.
         number: of processes.
     """
-    crossing = max(1, scenes // 10)
-    total = scenes + 4 * crossing + 2 * max(1, round(metres / PIECE))
+    total = scenes + 4 * few + 2 * max(1, round(metres / PIECE))
     found = [cost(LOOKS)]  # before others need the processor
     with Progress(disable=not sys.stdout.isatty()) as progress, workers(number) as pool:
         bar = progress.add_task("drives", total=total)
@@ -31,9 +31,9 @@ def measure(scenes: int, first: int, metres: float, number: int) -> int:
             progress.advance(bar)
 
         found.append(standing(pool, scenes, first, done))
-        found.append(persons(pool, crossing, first, done))
-        found.append(who_stays(pool, crossing, first, done))
-        found.append(legs(pool, crossing, first, done))
+        found.append(persons(pool, few, first, done))
+        found.append(who_stays(pool, few, first, done))
+        found.append(legs(pool, few, first, done))
         found += slow_downs(pool, metres, first, done)
     rows = [(it.name, it.bar, it.measured, "yes" if it.met else "NO") for it in found]
     sys.stdout.write(Grid(title="obstacle stop", head=("what", "bar", "measured", "met"), rows=rows).text())
