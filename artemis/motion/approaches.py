@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from artemis.motion.angles import difference
 from artemis.motion.arrays import Array, Indices
-from artemis.motion.beams import runs, wide, widened
+from artemis.motion.beams import SAME, runs, wide, widened
 from artemis.motion.points import placed_points
 from artemis.values import Pose
 
@@ -107,10 +107,10 @@ class Approaches:
         if slow or near.any() or (self._last > 0.0).any():
             self._add(seen, increment)
             self._hidden = self._found(seen.ranges == 0.0, seen.pose, increment)
+            close = self._hidden | self._sudden | (self._last > 0.0) & (self._last < self._reach)
+            if not (slow or close.any()):
+                self._last = np.zeros(self._last.size)  # it is not followed while nothing is near
         self._ranges, self._near = seen.ranges, near
-        close = self._hidden | self._sudden | (self._last > 0.0) & (self._last < self._reach)
-        if not slow and not close.any():
-            self._last = np.zeros(self._last.size)  # it is not followed while nothing is near
         return self._hidden
 
     def _moved(self, begin: Pose, end: Pose) -> float:
@@ -179,7 +179,7 @@ class Approaches:
         lost &= self._last > BEHIND * self._least
         if lost.any():
             same = np.zeros(lost.size, np.bool_)
-            same[1:] = (np.abs(self._ranges[1:] - self._ranges[:-1]) < CAME) & (self._ranges[1:] > 0.0)
+            same[1:] = (np.abs(self._ranges[1:] - self._ranges[:-1]) < SAME) & (self._ranges[1:] > 0.0)
             lost &= widened(wide(same, SUDDEN * fewest), 1)
         return lost
 

@@ -6,14 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from artemis.motion.arrays import Array
+from artemis.motion.beams import SAME
 from artemis.motion.movers import NOTHING
 from artemis.motion.points import points_from
 from artemis.values import Pose
 
 HELD = 0.5
 """It is held for so long since it was lost, or one beam showed it last [s]."""
-SAME = 150.0
-"""A return that is as far as it, to so much [mm], shows it."""
 
 
 class Held:

@@ -201,7 +201,7 @@ class View:
         self._points, self._points_at = points, self._pose
         if known and not self._continued:
             self._continued = True
-            self._continue_surfaces(seen_twice(self.unmasked & (ranges >= self._least), ranges, before))
+            self._continue_surfaces(seen_twice(seen.shown, ranges, before))
         if now - self._sorted_at >= SORTED_EVERY:
             self._sorted_at = now
             self._forget_some()

@@ -74,14 +74,19 @@ def workers(number: int) -> Iterator[Executor]:
         yield pool
 
 
-def standing(pool: Executor, scenes: int, first: int, done: Callable[[], object]) -> Bar:
-    """Worst driving forwards and backwards among what stands, in random scenes from a seed on."""
-    found: dict[int, Passage] = {}
-    drives = pool.map(_drive_among, range(first, first + scenes), chunksize=10)
-    for seed, outcome in enumerate(drives, first):
+def _outcomes(
+    pool: Executor, drive: Callable[[int], Passage | None], scenes: int, first: int, done: Callable[[], object]
+) -> Iterator[tuple[int, Passage]]:
+    """Of the drives with so many seeds: the seed and what came of it, where there was a drive."""
+    for seed, outcome in enumerate(pool.map(drive, range(first, first + scenes), chunksize=10), first):
         done()
         if outcome is not None:
-            found[seed] = outcome
+            yield seed, outcome
+
+
+def standing(pool: Executor, scenes: int, first: int, done: Callable[[], object]) -> Bar:
+    """Worst driving forwards and backwards among what stands, in random scenes from a seed on."""
+    found = dict(_outcomes(pool, _drive_among, scenes, first, done))
     contacts = [seed for seed, outcome in found.items() if outcome.nearest < 0.0]
     nearest = min([outcome.nearest for outcome in found.values()], default=inf)
     kilometres = sum([outcome.driven for outcome in found.values()]) / 1000.0
@@ -93,11 +98,8 @@ def standing(pool: Executor, scenes: int, first: int, done: Callable[[], object]
 
 def persons(pool: Executor, scenes: int, first: int, done: Callable[[], object]) -> Bar:
     """A person who crosses and never yields."""
-    contacts: list[float] = []
-    for outcome in pool.map(crossed, range(first, first + scenes), chunksize=10):
-        done()
-        if outcome.contact is not None:
-            contacts.append(outcome.contact)
+    drives = _outcomes(pool, crossed, scenes, first, done)
+    contacts = [outcome.contact for _, outcome in drives if outcome.contact is not None]
     fast = len([speed for speed in contacts if speed > SLOW])
     share = fast / max(1, len(contacts))
     words = f"{fast} of {len(contacts)} contacts in {scenes} scenes ({100 * share:.1f} %)"
@@ -108,10 +110,8 @@ def who_stays(pool: Executor, scenes: int, first: int, done: Callable[[], object
     """A person who steps in where the robot brakes, or aside before it, where the scanner sees nothing."""
     contacts: list[str] = []
     for drive in (stepped_in, stepped_aside):
-        for seed, outcome in enumerate(pool.map(drive, range(first, first + scenes), chunksize=10), first):
-            done()
-            if outcome is not None and outcome.contact:  # a robot that stands may be touched
-                contacts.append(f"{drive.__name__}({seed})")
+        drives = _outcomes(pool, drive, scenes, first, done)
+        contacts += [f"{drive.__name__}({seed})" for seed, it in drives if it.contact]  # a robot that stands may be
     words = f"{len(contacts)} in {2 * scenes} scenes"
     words += f": {', '.join(contacts[:5])}" if contacts else ""
     return Bar("person who steps in or aside, contact while driving", "0", words, not contacts)
@@ -119,11 +119,8 @@ def who_stays(pool: Executor, scenes: int, first: int, done: Callable[[], object
 
 def legs(pool: Executor, scenes: int, first: int, done: Callable[[], object]) -> Bar:
     """Thin ones, from which few beams return."""
-    contacts: list[int] = []
-    for seed, outcome in enumerate(pool.map(rarely_seen, range(first, first + scenes), chunksize=10), first):
-        done()
-        if outcome.contact is not None:
-            contacts.append(seed)
+    drives = _outcomes(pool, rarely_seen, scenes, first, done)
+    contacts = [seed for seed, outcome in drives if outcome.contact is not None]
     words = f"{len(contacts)} in {scenes} scenes"
     words += f"; seeds {', '.join(map(str, contacts[:5]))}" if contacts else ""
     name = f"thin leg, {100 * (1 - RARE):.0f} % of the beams return, contact"
