@@ -39,6 +39,8 @@ LOST, RARE = 0.2, 0.85
 """Share of the beams that return nothing: in every fourth random scene, and in those with a thin leg."""
 HALL: Array = np.array([[-9.0, -6.0, 9.0, -6.0], [9.0, -6.0, 9.0, 6.0], [9.0, 6.0, -9.0, 6.0], [-9.0, 6.0, -9.0, -6.0]])
 """Segments [m]."""
+THICK = 0.03
+"""Of walls [m]: one without thickness is not seen by a scanner that looks along it."""
 STANDS = 5
 """Ticks without motion, after which the robot knows that it stands."""
 
@@ -118,26 +120,33 @@ def _outside(dx: Array, dy: Array, c: float, s: float) -> Array:
     return np.where((ahead > 0) | (beside > 0), outside, np.maximum(ahead, beside))
 
 
+def box(x: float, y: float, length: float, width: float, turn: float) -> list[list[float]]:
+    """The four sides of a box, or of a wall: its middle [m], and how far it is turned [rad]."""
+    c, s = math.cos(turn), math.sin(turn)
+    corners = [(x + u * length * c - v * width * s, y + u * length * s + v * width * c)
+               for u, v in ((0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5))]  # fmt: skip
+    return [[*corners[corner], *corners[(corner + 1) % 4]] for corner in range(4)]
+
+
 def random_scene(dice: np.random.Generator) -> Scene:
     """A wall at any angle, poles of 2 cm, boxes, a corridor with a door, or some of each."""
     kind, segments, circles = dice.integers(5), [], []
     if kind in (0, 4):
         ahead, turn = OUTLINE.front_m + dice.uniform(1.2, 3.0), dice.uniform(-1.3, 1.3)
-        dx, dy = -3.0 * math.sin(turn), 3.0 * math.cos(turn)
-        segments.append([ahead + dx, dy, ahead - dx, -dy])
+        segments += box(ahead, 0.0, 6.0, THICK, turn + math.pi / 2.0)
     if kind in (1, 4):
         circles += [[dice.uniform(1.3, 3.5), dice.uniform(-1.5, 1.5), 0.01] for _ in range(5)]
     if kind == 2:
         for _ in range(3):
             x, y, turn = dice.uniform(1.4, 3.5), dice.uniform(-1.6, 1.6), dice.uniform(0, math.tau)
-            length, width = dice.uniform(0.1, 0.5, 2)
-            corners = [(x + u * length * math.cos(turn) - v * width * math.sin(turn),
-                        y + u * length * math.sin(turn) + v * width * math.cos(turn))
-                       for u, v in ((0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5))]  # fmt: skip
-            segments += [[*corners[corner], *corners[(corner + 1) % 4]] for corner in range(4)]
+            length, width = dice.uniform(0.1, 0.5, 2).tolist()
+            segments += box(x, y, length, width, turn)
     if kind == 3:
         wide, end = dice.uniform(0.45, 0.9), dice.uniform(1.5, 4.0)
-        segments += [[-2.0, wide, 6.0, wide], [-2.0, -wide, 6.0, -wide], [end, -wide, end, dice.uniform(-wide, 0.3)]]
+        door = dice.uniform(-wide, 0.3)
+        for side in (-1.0, 1.0):
+            segments += box(2.0, side * (wide + THICK / 2.0), 8.0, THICK, 0.0)
+        segments += box(end, (door - wide) / 2.0, THICK, door + wide, 0.0)
         circles.append([dice.uniform(1.3, 4.0), dice.uniform(-wide, wide), 0.01])
     return Scene(np.array(segments).reshape(-1, 4), np.array(circles).reshape(-1, 3))
 

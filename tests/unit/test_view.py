@@ -4,6 +4,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from artemis.motion.beams import FEW, least_beside
 from artemis.motion.points import placed_points
 from artemis.motion.sweep import Rectangle
 from artemis.motion.view import View
@@ -123,6 +124,19 @@ def test_beams_a_degree_apart_do_not_forget_a_leg_of_a_chair(aside: float) -> No
 
     there = view.around()[2] + np.array([[pose.x], [pose.y]]) - leg[0, :2, np.newaxis]
     assert np.hypot(*there).min(initial=np.inf) < 0.05
+
+
+@pytest.mark.parametrize(
+    ("empty", "least"),
+    [((20 + FEW,), 0.0), ((20 - FEW, 21 - FEW), 0.0), ((24, 25), 3000.0), ((15,), 3000.0), ((24, 25, 26), 0.0)],
+)
+def test_beams_without_a_return_hide_something_if_they_are_three_or_next_to_it(
+    empty: tuple[int, ...], least: float
+) -> None:
+    ranges = np.full(41, 3000.0)
+    ranges[list(empty)] = 0.0
+
+    assert least_beside(ranges, 12)[20] == least
 
 
 @pytest.mark.parametrize("beams", [3, 5, 10])
