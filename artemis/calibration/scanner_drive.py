@@ -12,8 +12,9 @@ from artemis.errors import CalibrationError
 from artemis.mapping.laser import Reading
 from artemis.mapping.mapper import Mapper
 from artemis.mapping.readings import ScanReadings
-from artemis.mapping.se2 import Array, between, within, wrapped
+from artemis.mapping.se2 import Array, between, within
 from artemis.mapping.settings import MapSettings
+from artemis.motion.arrays import wrapped
 from artemis.mounting import Mounting
 from artemis.values import Tick
 from artemis.vehicle import RobotFile

@@ -14,7 +14,8 @@ from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 from artemis.errors import CalibrationError
-from artemis.mapping.se2 import Array, between, compose, effort, wrapped
+from artemis.mapping.se2 import Array, between, compose, effort
+from artemis.motion.arrays import wrapped
 
 PIECE = 0.5
 """Of a drive [m, a turn by 1 rad counts as half a metre]."""

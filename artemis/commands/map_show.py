@@ -15,9 +15,10 @@ from artemis.errors import ConfigError, similar
 from artemis.mapping.graph_file import SUFFIX, MapGraph, read_graph
 from artemis.mapping.map_file import read_map
 from artemis.mapping.occupancy import FREE, OCCUPIED, OccupancyMap
-from artemis.mapping.se2 import between, wrapped
+from artemis.mapping.se2 import between
 from artemis.mission.goto import Goto, goto_rules, known_behind, route_margin
 from artemis.mission.loading import load_model
+from artemis.motion.arrays import wrapped
 from artemis.motion.planned_route import unpacked_route
 from artemis.motion.route import Route
 from artemis.report.drawing import check_figures

@@ -9,8 +9,9 @@ import numpy as np
 
 from artemis.mapping import kernels
 from artemis.mapping.kernels_numpy import COARSE, FINE, STEPS, Cells
-from artemis.mapping.se2 import Array, wrapped
+from artemis.mapping.se2 import Array
 from artemis.mapping.settings import MapSettings
+from artemis.motion.arrays import wrapped
 
 _ROUNDS = 12
 

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import splu
 
-from artemis.mapping.se2 import Array, between, wrapped
+from artemis.mapping.se2 import Array, between
+from artemis.motion.arrays import wrapped
 
 LOOP_LENGTH = 0.5
 """A loop counts as so many metres where drift is guessed by the distance [m]."""

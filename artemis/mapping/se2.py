@@ -8,15 +8,12 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from artemis.motion.arrays import wrapped
+
 Array: TypeAlias = NDArray[np.float64]
 
 TURN_WEIGHT = 0.5
 """A turn by 1 rad counts as so many metres where motion is expressed as one number."""
-
-
-def wrapped(angle: ArrayLike) -> Array:
-    """The same directions in [-pi, pi)."""
-    return (np.asarray(angle, float) + np.pi) % (2 * np.pi) - np.pi
 
 
 def compose(first: ArrayLike, second: ArrayLike) -> Array:

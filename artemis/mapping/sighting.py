@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from artemis.mapping.laser import surface_points
 from artemis.mapping.se2 import Array
 from artemis.mapping.settings import MapSettings
+from artemis.motion.arrays import wrapped
 from artemis.motion.beams import seeing
 from artemis.motion.poses import placed, seen_from
 from artemis.mounting import Mounting
@@ -59,4 +60,4 @@ def points_of(seen: Sighting, mounting: Mounting, settings: MapSettings) -> Arra
 
 def _bent(bearing: Floats, x: Floats, y: Floats) -> Floats:
     """How far points (x, y) [m] are from where a beam points [rad]."""
-    return (np.arctan2(y, x) - bearing + np.pi) % (2 * np.pi) - np.pi
+    return wrapped(np.arctan2(y, x) - bearing)

@@ -1,4 +1,4 @@
-"""Angles in radians, counter-clockwise positive. The only place where an angle is wrapped."""
+"""Angles in radians, counter-clockwise positive. The only place where one is wrapped; many: `arrays.wrapped`."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from artemis.errors import ConfigError
-from artemis.motion.arrays import Array
+from artemis.motion.arrays import Array, wrapped
 from artemis.motion.clocks import RUN, Clock, estimate_clock, longest_gap
 from artemis.motion.poses import placed, seen_from
 from artemis.motion.trajectory import Trajectory
@@ -97,7 +97,7 @@ class Comparison:
     @property
     def heading_error(self) -> Array:
         """By how much the estimated heading is left of the true one [rad], in [-pi, pi], shape (n,)."""
-        return _wrapped(self.estimated[:, 2] - self.true[:, 2])
+        return wrapped(self.estimated[:, 2] - self.true[:, 2])
 
 
 def compare(
@@ -189,7 +189,7 @@ def _relative(estimated: Array, true: Array, distance: Array) -> Iterator[Relati
         yield Relative(
             length=length,
             translation=np.hypot(*(moved - truly_moved).T) / driven,
-            rotation=np.abs(_wrapped(turned - truly_turned)) / driven,
+            rotation=np.abs(wrapped(turned - truly_turned)) / driven,
         )
 
 
@@ -198,7 +198,3 @@ def _motion(poses: Array, begin: NDArray[np.int64], end: NDArray[np.int64]) -> t
     dx, dy, turn = (poses[end] - poses[begin]).T
     c, s = np.cos(poses[begin, 2]), np.sin(poses[begin, 2])
     return np.column_stack([c * dx + s * dy, c * dy - s * dx]), turn
-
-
-def _wrapped(angles: Array) -> Array:
-    return np.asarray(np.angle(np.exp(1j * angles)))

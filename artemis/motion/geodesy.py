@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from artemis.motion.arrays import Array
+from artemis.motion.arrays import Array, wrapped
 
 SEMI_MAJOR_AXIS, FLATTENING = 6_378_137.0, 1 / 298.257223563
 """The ellipsoid WGS 84 [m, -] (NIMA TR8350.2, table 3.1)."""
@@ -25,5 +25,5 @@ def local_metres(latitude: Array, longitude: Array) -> tuple[Array, Array]:
     sine = np.sin(latitude[0])
     prime_vertical = SEMI_MAJOR_AXIS / np.sqrt(1 - square * sine**2)
     meridian = SEMI_MAJOR_AXIS * (1 - square) / (1 - square * sine**2) ** 1.5
-    turned = (longitude - longitude[0] + np.pi) % (2 * np.pi) - np.pi
+    turned = wrapped(longitude - longitude[0])
     return prime_vertical * np.cos(latitude[0]) * turned, meridian * (latitude - latitude[0])

@@ -9,11 +9,11 @@ import numpy as np
 from msgspec import Struct
 
 from artemis.errors import ConfigError
-from artemis.motion.arrays import Array
+from artemis.motion.arrays import Array, wrapped
 from artemis.motion.cubic import spline
 from artemis.motion.demand import steering_per_distance
 from artemis.motion.noise import Drawn, Noise, noise_of
-from artemis.motion.path_points import MIN_STEP, cusps, read_points, wrapped
+from artemis.motion.path_points import MIN_STEP, cusps, read_points
 from artemis.motion.samples import Samples
 from artemis.motion.spline import parameter_from_arc, smoothed, smoothed_between_halts
 from artemis.vehicle import RobotFile

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from artemis.motion.arrays import Array
+from artemis.motion.arrays import Array, wrapped
 from artemis.motion.columns import layout_of
 from artemis.motion.noise import apart, averaged
 from artemis.motion.table import Table, without_rows
@@ -123,11 +123,6 @@ def cusps(x: Array, y: Array) -> list[tuple[int, float]]:
     """Points at which a path reverses, and by how much it turns there [rad]."""
     turns = np.abs(wrapped(np.diff(np.arctan2(np.diff(y), np.diff(x)))))
     return [(int(index) + 1, float(turns[index])) for index in np.flatnonzero(turns > MAX_TURN)]
-
-
-def wrapped(angles: Array) -> Array:
-    """Angles in [-pi, pi) [rad]."""
-    return np.asarray((angles + math.pi) % math.tau - math.pi)
 
 
 def _check_points(points: Points) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from artemis.motion.arrays import Array
+from artemis.motion.arrays import Array, wrapped
 from artemis.report.series import Series
 
 MILLI, DEGREES, PERCENT = 1000.0, 180.0 / np.pi, 100.0
@@ -69,7 +69,7 @@ def _uncertainty(run: Series) -> Iterator[Chart]:
     if not np.isfinite(run.std).any():
         return
     off = run.estimated - run.true
-    turned = np.abs((off[:, 2] + np.pi) % (2 * np.pi) - np.pi)
+    turned = np.abs(wrapped(off[:, 2]))
     localised = np.where(np.isfinite(run.std), 1.0, np.nan)
     for name, digits, scale, error, std in (
         ("position [mm]", 2, MILLI, np.hypot(off[:, 0], off[:, 1]), run.std),

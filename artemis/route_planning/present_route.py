@@ -7,8 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from artemis.mapping.se2 import wrapped
-from artemis.motion.arrays import Array
+from artemis.motion.arrays import Array, wrapped
 from artemis.motion.planned_route import unpacked_route
 from artemis.motion.route import Route
 from artemis.route_planning.floor import CELL, Floor, clearance

@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from artemis.errors import ConfigError
-from artemis.mapping.se2 import Array, between, wrapped
+from artemis.mapping.se2 import Array, between
+from artemis.motion.arrays import wrapped
 
 FIELDS = 8
 """Of a line: both times [s], x, y, z [m], roll, pitch, yaw [rad]."""

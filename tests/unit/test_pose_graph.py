@@ -9,7 +9,8 @@ import pytest
 from scipy.optimize import least_squares
 
 from artemis.mapping.pose_graph import Link, PoseGraph, match_information
-from artemis.mapping.se2 import Array, between, compose, effort, shares, within, wrapped
+from artemis.mapping.se2 import Array, between, compose, effort, shares, within
+from artemis.motion.arrays import wrapped
 
 INFORMATION = np.diag([400.0, 900.0, 2500.0])
 
