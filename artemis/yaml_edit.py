@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import re
-import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack
 from copy import deepcopy
 from pathlib import Path
 
 import yaml
 
 from artemis.errors import ConfigError
+from artemis.whole_files import replace_content
 from artemis.yaml_file import Data, dotted, read, survey
 
 Keys = tuple[str, ...]
@@ -30,31 +28,6 @@ def edit(path: Path, changes: Mapping[Keys, Data]) -> None:
         ConfigError: the file cannot be read or written, or a value cannot be changed in place.
     """
     replace_content(path, edited(read(path), str(path), changes))
-
-
-def replace_content(path: Path, content: bytes) -> None:
-    """Write a file that is there anew; either all of it or nothing.
-
-    Raises:
-        ConfigError: it cannot be written.
-    """
-    try:
-        mode = path.stat().st_mode & 0o7777
-        if not mode & 0o222:
-            raise ConfigError(f"{path}: is read-only")
-        with ExitStack() as undo:
-            file = tempfile.NamedTemporaryFile(dir=path.resolve().parent, prefix=f".{path.name}.", delete=False)
-            temporary = Path(file.name)
-            undo.callback(temporary.unlink)
-            with file:
-                file.write(content)
-                file.flush()
-                os.fsync(file.fileno())
-            temporary.chmod(mode)
-            temporary.replace(path.resolve())
-            undo.pop_all()
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def edited(raw: bytes, source: str, changes: Mapping[Keys, Data]) -> bytes:

@@ -33,6 +33,7 @@ from artemis.plugins.inputs.profiles import (
 )
 from artemis.plugins.inputs.teach import Learnt, lesson
 from artemis.plugins.inputs.teachable import Lesson, Moment, Unteachable, kinds_for
+from artemis.whole_files import write_bytes
 
 EVERY = 0.005
 """The device and the keyboard are looked at so often [s]."""
@@ -315,10 +316,8 @@ def _write(path: Path, text: str) -> None:
         ConfigError: it cannot be written.
     """
     profile_from(text.encode(), str(path))
-    part = path.with_name(path.name + ".part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text(text)
-        part.replace(path)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be written: {error.strerror}") from error
+    write_bytes({path: text.encode()})

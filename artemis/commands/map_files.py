@@ -9,10 +9,10 @@ from pathlib import Path
 from artemis.commands.path_files import refuse_taken
 from artemis.errors import ConfigError
 from artemis.mapping.graph_file import MapGraph, files_of, saved_files
-from artemis.mapping.map_file import write_bytes
 from artemis.mapping.occupancy import OccupancyMap
 from artemis.route_planning.zones import NO_MAP, zones_file
 from artemis.route_planning.zones import SUFFIX as ZONES
+from artemis.whole_files import write_bytes
 
 
 def refuse_output(path: Path, force: bool) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from artemis.errors import ConfigError
 from artemis.motion.path import Path as Curve
 from artemis.motion.path import place_on
+from artemis.whole_files import write_bytes
 
 
 def write_files(files: Mapping[Path, str], force: bool) -> None:
@@ -19,18 +20,7 @@ def write_files(files: Mapping[Path, str], force: bool) -> None:
         ConfigError: one is there already (unless `force`), or cannot be written.
     """
     refuse_taken(files, force)
-    parts = {file: file.with_name(file.name + ".part") for file in files}
-    file = Path()
-    try:
-        for file, text in files.items():
-            parts[file].write_text(text, encoding="utf-8")
-        for file, part in parts.items():
-            part.replace(file)
-    except OSError as error:
-        for part in parts.values():
-            if part.is_file():
-                part.unlink()
-        raise ConfigError(f"{file}: cannot be written: {error.strerror}") from error
+    write_bytes({file: text.encode() for file, text in files.items()})
 
 
 def refuse_taken(files: Iterable[Path], force: bool) -> None:

@@ -48,25 +48,6 @@ def map_files(path: Path, content: OccupancyMap) -> dict[Path, bytes]:
     return {image: head + grey[::-1].tobytes(), path: text.encode()}
 
 
-def write_bytes(files: dict[Path, bytes]) -> None:
-    """Write all of them or none: each is there whole, or as it was.
-
-    Raises:
-        ConfigError: one cannot be written.
-    """
-    file = Path()
-    parts = {file: file.with_name(file.name + ".part") for file in files}
-    try:
-        for file, content in files.items():
-            parts[file].write_bytes(content)
-        for file, part in parts.items():
-            part.replace(file)
-    except OSError as error:
-        for part in parts.values():
-            part.unlink(missing_ok=True)
-        raise ConfigError(f"{file}: cannot be written: {error.strerror}") from error
-
-
 def read_map(path: Path) -> OccupancyMap:
     """The map of a YAML file and its image.
 

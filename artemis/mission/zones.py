@@ -9,7 +9,8 @@ from artemis.errors import ConfigError, similar
 from artemis.mission.loading import model_of
 from artemis.recording.disk import write_whole
 from artemis.route_planning.zones import MapZone, MapZones, zone_line
-from artemis.yaml_edit import is_blank, replace_content, with_line, without_line
+from artemis.whole_files import replace_content
+from artemis.yaml_edit import is_blank, with_line, without_line
 from artemis.yaml_file import read
 
 HEAD = b"# Zones and places, in the frame of the map.\n"

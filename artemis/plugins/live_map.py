@@ -11,7 +11,6 @@ from artemis.devices.can_bus import Traffic
 from artemis.errors import ConfigError
 from artemis.localisation.warming import warm_up
 from artemis.mapping.graph_file import saved_files
-from artemis.mapping.map_file import write_bytes
 from artemis.mapping.mapper import Mapper
 from artemis.mapping.occupancy import ShownMap, occupancy
 from artemis.mapping.readings import ScanReadings
@@ -19,6 +18,7 @@ from artemis.mapping.se2 import Array, between, compose
 from artemis.mapping.tracking import NewKey
 from artemis.plugins.observing import Beside
 from artemis.values import Pose, Tick
+from artemis.whole_files import write_bytes
 
 NAME = "map"
 """Of the thread, and of the files in the run's folder."""

@@ -5,12 +5,12 @@ from __future__ import annotations
 import errno
 import os
 import shutil
-from contextlib import suppress
 from io import FileIO
 from pathlib import Path
 from typing import Literal, NamedTuple, Protocol
 
-from artemis.errors import RecordingError
+from artemis.errors import ConfigError, RecordingError
+from artemis.whole_files import write_bytes
 
 MIN_FREE = 500_000_000
 """With fewer free bytes a run is not begun where nobody watches it (DSK-01)."""
@@ -76,14 +76,10 @@ def write_whole(file: Path, text: str) -> None:
     Raises:
         RecordingError: it cannot be written.
     """
-    part = file.with_name(f"{file.name}.part")
     try:
-        part.write_text(text, encoding="utf-8")
-        part.replace(file)
-    except OSError as error:
-        with suppress(OSError):
-            part.unlink(missing_ok=True)
-        raise RecordingError(f"{file}: cannot be written: {error.strerror}") from error
+        write_bytes({file: text.encode()})
+    except ConfigError as error:
+        raise RecordingError(str(error)) from error
 
 
 def low_disk(folder: Path, disk: Disk) -> str | None:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from artemis import app
 from artemis.clock import cpu_time
 from artemis.devices.can_bus import Traffic
-from artemis.mapping.map_file import map_files, write_bytes
+from artemis.mapping.map_file import map_files
 from artemis.mission.goto import BEYOND, NARROW
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.motion.planned_route import unpacked_route
@@ -33,6 +33,7 @@ from artemis.route_planning.planner import PlannedRoute, RouteRequest, plan_rout
 from artemis.sim.world import World
 from artemis.testing.contracts import ROBOT
 from artemis.values import JobKind, JobResult, Pose, Tick
+from artemis.whole_files import write_bytes
 from artemis_lab.bench.floor_plans import CELL, CLOSET, MAPS, SIZE, small_plan
 from artemis_lab.workers import fresh_workers
 

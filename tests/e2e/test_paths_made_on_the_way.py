@@ -15,8 +15,9 @@ from command_line import PATIENCE, artemis, only_run
 from rig import CALIBRATE, STICK, Steps, write_mission
 from rig import stick as table
 
-from artemis.mapping.map_file import map_files, write_bytes
+from artemis.mapping.map_file import map_files
 from artemis.mapping.occupancy import OccupancyMap
+from artemis.whole_files import write_bytes
 
 OUTLINE = "\noutline: {front_m: 0.68, rear_m: 0.12, half_width_m: 0.27}\n"
 WATCHED = """

@@ -15,7 +15,7 @@ from rig import CALIBRATE, MISSIONS, Rig, Seen, run, write_mission
 
 from artemis.app import resumption_from
 from artemis.errors import ConfigError
-from artemis.mapping.map_file import map_files, write_bytes
+from artemis.mapping.map_file import map_files
 from artemis.mapping.occupancy import OccupancyMap
 from artemis.mission.goto import Goto, goto_rules
 from artemis.mission.loading import load_mission
@@ -26,6 +26,7 @@ from artemis.planning import plan_for
 from artemis.recording.mcap_reader import Recording
 from artemis.report.series import read_series
 from artemis.values import JobKind, Mode, Request
+from artemis.whole_files import write_bytes
 from artemis_lab.bench.goals import drive
 from artemis_lab.bench.obstacle_scenes import robot_with_scanner
 from artemis_lab.commands.bench_goto import problem

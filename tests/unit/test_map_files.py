@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from artemis.errors import ConfigError
 from artemis.mapping.graph_file import MapGraph, read_graph
 from artemis.mapping.key_scans import KeyScans
-from artemis.mapping.map_file import map_files, read_map, read_pgm, write_bytes
+from artemis.mapping.map_file import map_files, read_map, read_pgm
 from artemis.mapping.mapper import Mapper
 from artemis.mapping.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap, occupancy
+from artemis.whole_files import write_bytes
 from artemis_lab.bench.laser_worlds import OFFICE, SETTINGS, driven, readings
 
 YAML = "image: m.pgm\nresolution: 0.1\norigin: [-1, -2, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"

@@ -34,15 +34,15 @@ def test_one_file_that_is_there_keeps_all_from_being_written(tmp_path: Path) -> 
 
 
 def test_a_full_disk_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = Path.write_text
+    whole = Path.write_bytes
 
-    def full(self: Path, text: str, encoding: str) -> int:
-        whole(self, text[:1], encoding)
+    def full(self: Path, content: bytes) -> int:
+        whole(self, content[:1])
         if self.name.startswith("b"):
             raise OSError(errno.ENOSPC, "No space left on device")
         return 1
 
-    monkeypatch.setattr(Path, "write_text", full)
+    monkeypatch.setattr(Path, "write_bytes", full)
     with pytest.raises(ConfigError, match=r"b\.csv: cannot be written: No space left on device"):
         write_files({tmp_path / "a.csv": "123", tmp_path / "b.csv": "456"}, force=False)
     assert list(tmp_path.iterdir()) == []

@@ -67,13 +67,13 @@ def test_a_disk_that_is_full_names_the_file(tmp_path: Path, monkeypatch: pytest.
 def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "report.html"
     write_whole(file, "before")
-    write_text = Path.write_text
+    write_bytes = Path.write_bytes
 
-    def full(path: Path, text: str, **keys: str) -> int:
-        write_text(path, text[:3], **keys)
+    def full(path: Path, content: bytes) -> int:
+        write_bytes(path, content[:3])
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(Path, "write_text", full)
+    monkeypatch.setattr(Path, "write_bytes", full)
     with pytest.raises(RecordingError, match=r"report\.html: cannot be written: No space left on device"):
         write_whole(file, "afterwards")
     assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
