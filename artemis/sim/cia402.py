@@ -34,8 +34,9 @@ from artemis.sim.epos_errors import (
     Reaction,
 )
 from artemis.sim.epos_motion import Motion
+from artemis.sim.epos_objects import INVALID
 from artemis.sim.epos_parameters import ParameterMemory
-from artemis.sim.epos_pdo import INVALID, judge_identifier, pdos_of
+from artemis.sim.epos_pdo import judge_identifier, pdos_of
 from artemis.sim.epos_power import PowerStage
 
 COMMUNICATION = range(0x1000, 0x2000)

@@ -21,7 +21,7 @@ from artemis.sim.cia402_power import (
     QUICK_STOP_CODES,
 )
 from artemis.sim.dictionary import AbortCode, AbortRules, ObjectEntry, Type, row, with_counts
-from artemis.sim.epos_objects import MAPPING_PLACES, RPDO_DEFAULTS, TPDO_COB_IDS, TPDO_DEFAULTS
+from artemis.sim.epos_objects import pdo_rows
 
 I8, I16, I32, U8, U16, U32 = Type.I8, Type.I16, Type.I32, Type.U8, Type.U16, Type.U32
 
@@ -30,8 +30,6 @@ MODES = frozenset({3, 8, 9})
 """Profile velocity, cyclic synchronous position and velocity: those that artemis drives with."""
 SUPPORTED_MODES = 1 << 2 | 1 << 7 | 1 << 8
 """Object 0x6502: a bit for each of them, from 1 on."""
-INVALID = 1 << 31
-"""Of a COB-ID: the PDO is off."""
 VOLATILE = frozenset({0x1003, 0x1010, 0x1011, 0x6040, 0x607A, 0x60B0, 0x60B1, 0x60FF})
 """Indices of writable objects that 0x1010 does not keep: commands, set-points and signatures."""
 FACTORY_RAMP, FACTORY_SPEED = 10000.0, 3000.0
@@ -46,7 +44,7 @@ def objects402(drive: Drive, words: Cia402) -> tuple[ObjectEntry, ...]:
     """
     rows = [
         *_communication(drive, words),
-        *_process_data(drive.node_id, words.pdos),
+        *pdo_rows(drive.node_id, words.pdos, "rw", frozenset({1, 253, 255}), places=8),
         *_device_control(words),
         *_modes(words),
     ]
@@ -96,27 +94,6 @@ def _communication(drive: Drive, words: Cia402) -> list[ObjectEntry]:
         row(0x1200, 1, U32, "const", 0x600 + node_id),
         row(0x1200, 2, U32, "const", 0x580 + node_id),
     ]
-
-
-def _process_data(node_id: int, count: int) -> list[ObjectEntry]:
-    """The first four have identifiers and mappings by default (CiA 301, 7.3.3), the others are off and empty."""
-    rows = []
-    types = frozenset({1, 253, 255})
-    for number in range(count):
-        default = number < len(TPDO_COB_IDS)
-        received, sent = (RPDO_DEFAULTS[number], TPDO_DEFAULTS[number]) if default else ((), ())
-        rows += [
-            row(0x1400 + number, 1, U32, "rw", 0x200 + 0x100 * number + node_id if default else INVALID),
-            row(0x1400 + number, 2, U8, "rw", 255, choices=frozenset({1, 255})),
-            row(0x1800 + number, 1, U32, "rw", TPDO_COB_IDS[number] + node_id if default else INVALID),
-            row(0x1800 + number, 2, U8, "rw", 255, choices=types),
-            row(0x1800 + number, 3, U16, "rw"),
-        ]
-        for base, mapping in ((0x1600, received), (0x1A00, sent)):
-            rows.append(row(base + number, 0, U8, "rw", len(mapping), 0, MAPPING_PLACES))
-            places = mapping + (0,) * (MAPPING_PLACES - len(mapping))
-            rows += [row(base + number, sub + 1, U32, "rw", place) for sub, place in enumerate(places)]
-    return rows
 
 
 def _device_control(words: Cia402) -> list[ObjectEntry]:

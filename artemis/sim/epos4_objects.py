@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from artemis.sim.dictionary import AbortCode, AbortRules, ObjectEntry, Type, row, with_counts
-from artemis.sim.epos_objects import OFF
+from artemis.sim.epos_objects import OFF, pdo_rows
 
 BOOL, I8, I16, I32, U8, U16, U32 = Type.BOOL, Type.I8, Type.I16, Type.I32, Type.U8, Type.U16, Type.U32
 
@@ -19,12 +19,6 @@ ABORTS = AbortRules(
     too_high=AbortCode.RANGE, too_low=AbortCode.RANGE, too_long=AbortCode.WRONG_LENGTH, cuts_bytes=False
 )
 """The communication guide lists one code for each."""
-PDO_PLACES = 12
-RPDO_DEFAULTS = ((0x60400010,), (0x60400010, 0x60600008), (0x60400010, 0x607A0020), (0x60400010, 0x60FF0020))
-TPDO_DEFAULTS = ((0x60410010,), (0x60410010, 0x60610008), (0x60410010, 0x60640020), (0x60410010, 0x606C0020))
-TPDO_COB_IDS = (0x40000180, 0xC0000280, 0xC0000380, 0xC0000480)
-INHIBIT = 10
-"""Factory value of 0x1800:3 [0.1 ms]."""
 MODES = frozenset({1, 3, 6, 8, 9, 10})
 HOMING_METHODS = (37, 34, 33, 27, 23, 18, 17, 11, 7, 2, 1, -1, -2, -3, -4)
 VELOCITY_UNITS = frozenset((prefix & 0xFF) << 24 | 0x00B44700 for prefix in range(-6, 1))
@@ -78,7 +72,8 @@ def objects4(node_id: int, hardware_version: int, firmware: int, serial_number: 
     """
     hardware = HARDWARE.get(hardware_version, HARDWARE[0x6150])
     rows = _communication(node_id) + _identity(node_id, hardware_version, firmware, serial_number)
-    rows += _process_data(node_id) + _motor(hardware) + _sensors() + _loops() + _periphery(hardware)
+    rows += pdo_rows(node_id, 4, "rw", frozenset({1, 255}), places=12, inhibit=10)
+    rows += _motor(hardware) + _sensors() + _loops() + _periphery(hardware)
     return with_counts(rows + _device_control() + _modes())
 
 
@@ -121,23 +116,6 @@ def _identity(node_id: int, hardware_version: int, firmware: int, serial_number:
         row(0x2100, 1, Type.U64, "ro", serial_number),
         *(row(0x210C, sub, U32, "rw") for sub in range(1, 5)),
     ]
-
-
-def _process_data(node_id: int) -> list[ObjectEntry]:
-    rows = []
-    for number in range(4):
-        rows += [
-            row(0x1400 + number, 1, U32, "rw", 0x200 + 0x100 * number + node_id),
-            row(0x1400 + number, 2, U8, "rw", 255, choices=frozenset({1, 255})),
-            row(0x1800 + number, 1, U32, "rw", TPDO_COB_IDS[number] + node_id),
-            row(0x1800 + number, 2, U8, "rw", 255, choices=frozenset({1, 255})),
-            row(0x1800 + number, 3, U16, "rw", INHIBIT),
-        ]
-        for base, mapping in ((0x1600, RPDO_DEFAULTS[number]), (0x1A00, TPDO_DEFAULTS[number])):
-            rows.append(row(base + number, 0, U8, "rw", len(mapping), 0, PDO_PLACES))
-            places = mapping + (0,) * (PDO_PLACES - len(mapping))
-            rows += [row(base + number, sub + 1, U32, "rw", place) for sub, place in enumerate(places)]
-    return rows
 
 
 def _motor(hardware: Hardware4) -> list[ObjectEntry]:

@@ -20,7 +20,8 @@ HOMING_METHODS = frozenset({0, 1, 2, 7, 11, 17, 18, 23, 27, 33, 34, 35, -1, -2, 
 RPDO_DEFAULTS = ((0x60400010,), (0x60400010, 0x60600008), (0x60400010, 0x607A0020), (0x60400010, 0x60FF0020))
 TPDO_DEFAULTS = ((0x60410010,), (0x60410010, 0x60610008), (0x60410010, 0x60640020), (0x60410010, 0x606C0020))
 TPDO_COB_IDS = (0x40000180, 0xC0000280, 0xC0000380, 0xC0000480)
-MAPPING_PLACES = 8
+INVALID = 1 << 31
+"""Of a COB-ID: the PDO is off."""
 VOLATILE = frozenset({0x1003, 0x1010, 0x1011, 0x2030, 0x2062, 0x206B, 0x6040, 0x607A, 0x60FF})
 """Indices of writable objects that 0x1010 does not keep: commands, set-points and signatures."""
 
@@ -63,7 +64,9 @@ def objects(node_id: int, hardware_version: int, firmware: int, serial_number: i
     """
     hardware = HARDWARE.get(hardware_version & 0xFFF0, HARDWARE[0x6210])
     rows = _communication(node_id) + _identity(node_id, hardware_version, firmware, serial_number)
-    rows += _process_data(node_id) + _setup() + _profile() + _motor(hardware)
+    rows += (
+        pdo_rows(node_id, 4, "rw cfg", frozenset({1, 253, 255}), places=8) + _setup() + _profile() + _motor(hardware)
+    )
     return with_counts(rows)
 
 
@@ -110,20 +113,37 @@ def _identity(node_id: int, hardware_version: int, firmware: int, serial_number:
     ]
 
 
-def _process_data(node_id: int) -> list[ObjectEntry]:
+def pdo_rows(
+    node_id: int, count: int, marks: str, types: frozenset[int], places: int, inhibit: int = 0
+) -> list[ObjectEntry]:
+    """Parameters and mappings of PDOs, each way so many.
+
+    The first four have identifiers and mappings by default (CiA 301, 7.3.3), the others are off and empty.
+
+    Args:
+        node_id: Of the drive.
+        count: How many each way.
+        marks: As of `dictionary.row`.
+        types: Transmission types that are allowed for those that the drive sends.
+        places: Objects in a PDO, at most.
+        inhibit: Factory value of 0x1800:3 [0.1 ms].
+    """
     rows = []
-    for number in range(4):
+    for number in range(count):
+        default = number < len(TPDO_COB_IDS)
+        received: tuple[int, ...] = RPDO_DEFAULTS[number] if default else ()
+        sent: tuple[int, ...] = TPDO_DEFAULTS[number] if default else ()
         rows += [
-            row(0x1400 + number, 1, U32, "rw cfg", 0x200 + 0x100 * number + node_id),
-            row(0x1400 + number, 2, U8, "rw cfg", 255, choices=frozenset({1, 255})),
-            row(0x1800 + number, 1, U32, "rw cfg", TPDO_COB_IDS[number] + node_id),
-            row(0x1800 + number, 2, U8, "rw cfg", 255, choices=frozenset({1, 253, 255})),
-            row(0x1800 + number, 3, U16, "rw cfg"),
+            row(0x1400 + number, 1, U32, marks, 0x200 + 0x100 * number + node_id if default else INVALID),
+            row(0x1400 + number, 2, U8, marks, 255, choices=frozenset({1, 255})),
+            row(0x1800 + number, 1, U32, marks, TPDO_COB_IDS[number] + node_id if default else INVALID),
+            row(0x1800 + number, 2, U8, marks, 255, choices=types),
+            row(0x1800 + number, 3, U16, marks, inhibit),
         ]
-        for base, mapping in ((0x1600, RPDO_DEFAULTS[number]), (0x1A00, TPDO_DEFAULTS[number])):
-            rows.append(row(base + number, 0, U8, "rw cfg", len(mapping), 0, MAPPING_PLACES))
-            places = mapping + (0,) * (MAPPING_PLACES - len(mapping))
-            rows += [row(base + number, sub + 1, U32, "rw cfg", place) for sub, place in enumerate(places)]
+        for base, mapping in ((0x1600, received), (0x1A00, sent)):
+            rows.append(row(base + number, 0, U8, marks, len(mapping), 0, places))
+            objects_in = mapping + (0,) * (places - len(mapping))
+            rows += [row(base + number, sub + 1, U32, marks, each) for sub, each in enumerate(objects_in)]
     return rows
 
 

@@ -14,9 +14,9 @@ from itertools import count
 from artemis.devices.can_bus import Frame
 from artemis.motion.totals import total
 from artemis.sim.dictionary import FORMATS, SIZES, AbortCode, AccessRefused, Dictionary, key_of
-from artemis.sim.epos_objects import TPDO_COB_IDS
+from artemis.sim.epos_objects import INVALID, TPDO_COB_IDS
 
-INVALID, NO_RTR = 1 << 31, 1 << 30
+NO_RTR = 1 << 30
 LOWEST_ID, HIGHEST_ID = 0x181, 0x57F
 SYNCHRONOUS, ON_REQUEST, ON_CHANGE = 1, 253, 255
 INHIBIT_UNIT = 1e-4
