@@ -15,17 +15,6 @@ from artemis.values import Request
 
 OPERATOR_GRACE = 5.0
 """A scripted operator counts as present until this long after its last act [s]."""
-REQUESTS = {
-    "quickstop": Request.QUICKSTOP,
-    "acknowledge": Request.ACKNOWLEDGE,
-    "arm": Request.ARM,
-    "end": Request.END,
-    "accept": Request.ACCEPT,
-    "left_degree": Request.LEFT_DEGREE,
-    "right_degree": Request.RIGHT_DEGREE,
-    "left_tenth": Request.LEFT_TENTH,
-    "right_tenth": Request.RIGHT_TENTH,
-}
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Signals that end a run."""
 Typed = Callable[[bytes], None]
@@ -95,7 +84,7 @@ class Attendance:
         Where somebody was, the person who could have stopped the robot is gone: a quick stop.
         """
         for act in self._acts:
-            loop.call_later(act.at_s, request, REQUESTS[act.do] if act.answer is None else act.answer)
+            loop.call_later(act.at_s, request, Request[act.do.upper()] if act.answer is None else act.answer)
 
         def ask(what: Request) -> None:
             if not self._over:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import msgspec
 from msgspec import Meta, Struct
@@ -21,15 +21,6 @@ from artemis.values import Request
 FRESH = 0.3
 """A page's command counts until the beat that it quotes is so old [s]: a browser's timers leave gaps of 100 to 130 ms
 where they should fire every 50 ms."""
-REQUESTS = {
-    "acknowledge": Request.ACKNOWLEDGE,
-    "arm": Request.ARM,
-    "end": Request.END,
-    "done": Request.DONE,
-    "record": Request.RECORD,
-    "accept": Request.ACCEPT,
-}
-"""Requests of the operator in the seat."""
 STALE_PAGE = "NET-11"
 MOST_CORNERS = 40
 KNOWN_STOPS = 256
@@ -40,6 +31,8 @@ Share = Annotated[float, Meta(ge=-1.0, le=1.0)]
 Count = Annotated[int, Meta(ge=0, le=1 << 53)]
 Id = Annotated[str, Meta(min_length=1, max_length=40)]
 Word = Literal["acknowledge", "arm", "end", "done", "record", "accept"]
+REQUESTS = {word: Request[word.upper()] for word in get_args(Word)}
+"""Requests of the operator in the seat."""
 Send = Callable[[dict[str, Any]], None]
 
 

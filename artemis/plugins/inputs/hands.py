@@ -36,14 +36,7 @@ AXES: dict[Kind, tuple[str, ...]] = {
 """Axes of each kind of control, in the order in which they are handed over. x and steering: right positive; y and
 speed: forward positive; gas, brake and a one-sided speed: from 0, released, to 1."""
 PEDALS = ("gas", "brake")
-REQUESTS = {
-    "quickstop": Request.QUICKSTOP,
-    "acknowledge": Request.ACKNOWLEDGE,
-    "arm": Request.ARM,
-    "end": Request.END,
-    "done": Request.DONE,
-    "record": Request.RECORD,
-}
+REQUESTS = {word: Request[word.upper()] for word in ("quickstop", "acknowledge", "arm", "end", "done", "record")}
 BUTTONS: dict[Kind, tuple[str, ...]] = {
     "stick": ("enable", "faster", "slower", *REQUESTS),
     "wheel": ("enable", "faster", "slower", "reverse", *REQUESTS),
