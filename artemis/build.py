@@ -11,6 +11,8 @@ from importlib.util import find_spec
 from shlex import quote
 from urllib.parse import unquote, urlsplit
 
+from artemis.errors import ConfigError
+
 
 @cache
 def version(package: str) -> str:
@@ -32,6 +34,17 @@ def install(extra: str) -> str:
         what = f"{what} @ {url}"
     editable = "--editable " * bool(origin.get("dir_info", {}).get("editable"))
     return f"{quote(sys.executable)} -m pip install {editable}{quote(what)}"
+
+
+def require(what: str, extra: str, *packages: str) -> None:
+    """Nothing, where the packages of an extra are installed that `what` needs.
+
+    Raises:
+        ConfigError: one is not; how to install it.
+    """
+    for package in packages:
+        if find_spec(package) is None:
+            raise ConfigError(f"{what} needs the package {package}: {install(extra)}")
 
 
 def kind_of_build() -> str:

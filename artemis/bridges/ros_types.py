@@ -5,16 +5,10 @@ from __future__ import annotations
 import struct
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from importlib.util import find_spec
 from typing import Any
-
-from artemis.build import install
-from artemis.errors import ConfigError
 
 TRIGGER_MD5 = "937c9679a518e3a18d831e57125ea522"
 """Of the service std_srvs/Trigger (`rossrv md5 std_srvs/Trigger`)."""
-EXTRAS = {"ros1": "ros", "ros2": "ros2"}
-"""By the name of the plugin."""
 STORES = {
     "humble": "ROS2_HUMBLE",
     "iron": "ROS2_IRON",
@@ -41,17 +35,6 @@ _BESIDE_2 = {
 """And for ROS 2."""
 _NUMBERS = {"bool": "?", "byte": "i1", "char": "u1", "octet": "u1"}
 _ZERO = {"string": "", "wstring": "", "bool": False, "float32": 0.0, "float64": 0.0}
-
-
-def require_packages(name: str, plugin: str, *packages: str) -> None:
-    """Nothing, if the plugin's extra is installed.
-
-    Raises:
-        ConfigError: it is not; how to install it. `name` of the plugin in the mission.
-    """
-    for package in packages:
-        if find_spec(package) is None:
-            raise ConfigError(f"{name}: plugin: {plugin} needs the package {package}: {install(EXTRAS[plugin])}")
 
 
 def ros1_name(type: str) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from artemis.build import install
+from artemis.build import require
 from artemis.errors import ConfigError
 from artemis.mission.loading import LoadedMission, plugin_from
 from artemis.mission.page import PAGE
@@ -88,10 +88,9 @@ def announce(config: PageObserverConfig | None) -> None:
     """
     if config is None:
         return
-    try:
-        import segno
-    except ImportError:
-        raise ConfigError(f"the page needs the package segno: {install('web')}") from None
+    require("the page", "web", "segno")
+    import segno
+
     code, url = new_code(read_key(key_place())), url_of(config)
     address = f"{url}/pair#{code}"
     sys.stdout.write(f"page          {address}\n")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import os
 from collections.abc import Sequence
-from importlib.util import find_spec
 from ipaddress import ip_address
 from math import inf
 from pathlib import Path
@@ -19,7 +18,7 @@ from artemis.bridges.complaints import Complaints
 from artemis.bridges.loop_thread import LoopThread
 from artemis.bridges.operator.server import tls_context
 from artemis.bridges.places import TakenPlace, port_place
-from artemis.build import install
+from artemis.build import require
 from artemis.clock import stopwatch
 from artemis.config import Config
 from artemis.devices.can_bus import Traffic
@@ -86,9 +85,7 @@ def url_of(config: PageObserverConfig) -> str:
 
 def check_installed(what: str) -> None:
     """Nothing, where the extra is installed that `what` needs. Raises ConfigError."""
-    for package in ("starlette", "uvicorn", "websockets", "segno"):
-        if find_spec(package) is None:
-            raise ConfigError(f"{what} needs the package {package}: {install('web')}")
+    require(what, "web", "starlette", "uvicorn", "websockets", "segno")
 
 
 def files_of_tls(config: PageObserverConfig, folder: Path, name: str) -> tuple[Path, Path] | None:

@@ -29,7 +29,6 @@ from artemis.errors import ConfigError
 from artemis.mission.loading import load_model
 from artemis.motion.route import route_from_csv
 from artemis.plugins.contracts import PluginContext
-from artemis.plugins.observers import foxglove
 from artemis.plugins.observers.foxglove import FoxgloveObserver, FoxgloveObserverConfig
 from artemis.scan import Scan
 from artemis.testing.observers import ObserverContract
@@ -167,7 +166,7 @@ def test_a_port_in_use_is_refused_before_the_run_and_not_when_a_mission_is_check
 
 
 def test_without_its_extra_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(foxglove, "find_spec", lambda name: None)
+    monkeypatch.setattr("artemis.build.find_spec", lambda name: None)
     with pytest.raises(
         ConfigError, match=f"fox: plugin: foxglove needs the package foxglove: {re.escape(install('foxglove'))}"
     ):

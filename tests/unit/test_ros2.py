@@ -213,9 +213,8 @@ def test_an_address_that_this_computer_does_not_have_is_refused(closing: ExitSta
 
 
 def test_without_its_extra_the_plugins_say_what_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    from artemis.bridges import ros_types
-
-    monkeypatch.setattr(ros_types, "find_spec", lambda package: None if package == "cyclonedds" else object())
+    found = {"cyclonedds": None}
+    monkeypatch.setattr("artemis.build.find_spec", lambda package: found.get(package, object()))
     context, wanted = PluginContext(name="dds", robot=ROBOT, folder=Path()), re.escape(install("ros2"))
     with pytest.raises(ConfigError, match=f"dds: plugin: ros2 needs the package cyclonedds: {wanted}"):
         Ros2Observer(Ros2ObserverConfig(), context)

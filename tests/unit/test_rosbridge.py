@@ -538,7 +538,7 @@ def test_a_flood_of_stops_makes_one_tick_of_its_own(run: Run) -> None:
 
 
 def test_without_its_extra_it_says_what_to_install(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(server, "find_spec", lambda name: None)
+    monkeypatch.setattr("artemis.build.find_spec", lambda name: None)
     for make in (run.observer, run.input):
         with pytest.raises(ConfigError, match=f"rosbridge needs the package websockets: {re.escape(install('web'))}"):
             make()

@@ -6,7 +6,6 @@ import asyncio
 from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from artemis.bridges.background import BackgroundTasks
@@ -14,8 +13,6 @@ from artemis.bridges.json_messages import JsonMessages
 from artemis.bridges.loop_thread import END_TIME, LoopThread
 from artemis.bridges.rosbridge.session import QUEUE, ClientSession, Offer
 from artemis.bridges.rosbridge.settings import ServerConfig
-from artemis.build import install
-from artemis.errors import ConfigError
 
 if TYPE_CHECKING:
     from socket import socket
@@ -34,16 +31,6 @@ KEPT_OUT = 1.0
 ALIVE = 5.0
 """A client without an answer for this time is regarded as gone [s]."""
 _TRY_AGAIN, _TOO_MUCH = 1013, 1008
-
-
-def require_websockets(name: str) -> None:
-    """Nothing, if the extra is installed.
-
-    Raises:
-        ConfigError: it is not; how to install it. `name` of the plugin in the mission.
-    """
-    if find_spec("websockets") is None:
-        raise ConfigError(f"{name}: plugin: rosbridge needs the package websockets: {install('web')}")
 
 
 class RosbridgeServer(LoopThread):

@@ -12,7 +12,8 @@ from artemis.bridges.received import Receiver
 from artemis.bridges.ros1.links import Service
 from artemis.bridges.ros1.settings import NodeConfig
 from artemis.bridges.ros1.thread import NodeThread
-from artemis.bridges.ros_types import TRIGGER_MD5, Ros1Types, require_packages, ros1_name
+from artemis.bridges.ros_types import TRIGGER_MD5, Ros1Types, ros1_name
+from artemis.build import require
 from artemis.clock import stopwatch
 from artemis.config import Config
 from artemis.plugins.contracts import PluginContext
@@ -43,7 +44,7 @@ class Ros1Input(CommandedInput):
             ConfigError: the extra is not installed, this computer has no such address, a variable of ROS is wrong, or
                 more speed than the robot has.
         """
-        require_packages(context.name, "ros1", "rosbags")
+        require(f"{context.name}: plugin: ros1", "ros", "rosbags")
         config.checked(context.name)
         super().__init__(config, context, clock)
         self._config, self._definitions, self._answers = config, Ros1Types(), Answers()

@@ -9,7 +9,7 @@ from artemis.bridges.child_process import ENDED
 from artemis.bridges.received import Problem, Receiver
 from artemis.bridges.ros2.process import NodeProcess
 from artemis.bridges.ros2.settings import Ros2Name, Ros2NodeConfig
-from artemis.bridges.ros_types import require_packages
+from artemis.build import require
 from artemis.clock import stopwatch
 from artemis.config import Config
 from artemis.plugins.contracts import PluginContext
@@ -44,7 +44,7 @@ class Ros2Input(CommandedInput):
             ConfigError: the extra is not installed, this computer has no such address, a variable of ROS is wrong, or
                 more speed than the robot has.
         """
-        require_packages(context.name, "ros2", "cyclonedds", "rosbags")
+        require(f"{context.name}: plugin: ros2", "ros2", "cyclonedds", "rosbags")
         node = self._node = NodeProcess(config, context.name, f"artemis_{context.name}")
         super().__init__(config, context, clock)
         self._number = -1

@@ -12,8 +12,8 @@ from artemis.bridges.addresses import check_listen, listening_at
 from artemis.bridges.child_process import ENDED
 from artemis.bridges.received import Problem
 from artemis.bridges.rosbridge.input_process import InputSetup, RosbridgeProcess
-from artemis.bridges.rosbridge.server import require_websockets
 from artemis.bridges.rosbridge.settings import INPUT_PORT, PortConfig, ServerConfig
+from artemis.build import require
 from artemis.clock import stopwatch
 from artemis.config import Config
 from artemis.errors import ConfigError
@@ -42,7 +42,7 @@ class RosbridgeInput(CommandedInput):
             ConfigError: the extra is not installed, more speed than the robot has, the port is in use, or this computer
                 has no such address.
         """
-        require_websockets(context.name)
+        require(f"{context.name}: plugin: rosbridge", "web", "websockets")
         super().__init__(config, context, clock)
         check_listen(context.name, config.listen)
         self.process: RosbridgeProcess | None = None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib.util import find_spec
 from logging import INFO, Handler, LogRecord, getLogger
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
@@ -16,7 +15,7 @@ from artemis.bridges.places import TakenPlace, port_place
 from artemis.bridges.ros_types import Ros2Types
 from artemis.bridges.stamps import Stamps
 from artemis.bridges.topics import Topics
-from artemis.build import install
+from artemis.build import require
 from artemis.config import Config
 from artemis.devices.can_bus import Traffic
 from artemis.errors import ConfigError
@@ -65,11 +64,7 @@ class FoxgloveObserver:
         Raises:
             ConfigError: the extra is not installed, the port is in use, or this computer has no such address.
         """
-        for package in ("foxglove", "rosbags"):
-            if find_spec(package) is None:
-                raise ConfigError(
-                    f"{context.name}: plugin: foxglove needs the package {package}: {install('foxglove')}"
-                )
+        require(f"{context.name}: plugin: foxglove", "foxglove", "foxglove", "rosbags")
         check_listen(context.name, config.listen)
         self._stamps, self._types = Stamps(), Ros2Types(TYPES)
         self._topics = Topics(context.robot, context.routes, every=config.every, map=context.map)

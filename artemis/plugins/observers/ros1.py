@@ -11,9 +11,10 @@ from artemis.bridges.ros1.links import Publication
 from artemis.bridges.ros1.settings import NodeConfig
 from artemis.bridges.ros1.tcpros import QUEUE
 from artemis.bridges.ros1.thread import NodeThread
-from artemis.bridges.ros_types import Ros1Types, require_packages, ros1_name
+from artemis.bridges.ros_types import Ros1Types, ros1_name
 from artemis.bridges.stamps import Stamps
 from artemis.bridges.topics import Content, Told, Topic, Topics
+from artemis.build import require
 from artemis.config import Config
 from artemis.devices.can_bus import Traffic
 from artemis.motion.totals import total
@@ -47,7 +48,7 @@ class Ros1Observer:
         Raises:
             ConfigError: the extra is not installed, this computer has no such address, or a variable of ROS is wrong.
         """
-        require_packages(context.name, "ros1", "rosbags")
+        require(f"{context.name}: plugin: ros1", "ros", "rosbags")
         config.checked(context.name)
         self._config, self._name = config, context.name
         self._topics = Topics(

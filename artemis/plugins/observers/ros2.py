@@ -10,9 +10,9 @@ from artemis.bridges.child_process import ENDED
 from artemis.bridges.complaints import Complaints
 from artemis.bridges.ros2.process import NodeProcess
 from artemis.bridges.ros2.settings import Ros2NodeConfig
-from artemis.bridges.ros_types import require_packages
 from artemis.bridges.stamps import Stamps
 from artemis.bridges.topics import SCAN_TYPE, TRANSFORMS, Told, Topics
+from artemis.build import require
 from artemis.config import Config
 from artemis.devices.can_bus import Traffic
 from artemis.plugins.contracts import PluginContext
@@ -49,7 +49,7 @@ class Ros2Observer:
         Raises:
             ConfigError: the extra is not installed, a variable of ROS is wrong, or this computer has no such address.
         """
-        require_packages(context.name, "ros2", "cyclonedds", "rosbags")
+        require(f"{context.name}: plugin: ros2", "ros2", "cyclonedds", "rosbags")
         self._name, self._stamps = context.name, Stamps()
         self._topics = Topics(
             context.robot, context.routes, every=config.every, transforms=config.transforms, map=context.map

@@ -12,11 +12,12 @@ from artemis.bridges.addresses import check_listen, listening_at
 from artemis.bridges.complaints import Complaints
 from artemis.bridges.json_messages import JsonMessages
 from artemis.bridges.names import absolute
-from artemis.bridges.rosbridge.server import RosbridgeServer, require_websockets
+from artemis.bridges.rosbridge.server import RosbridgeServer
 from artemis.bridges.rosbridge.session import QUEUE, Message, Offer, Outgoing
 from artemis.bridges.rosbridge.settings import INPUT_PORT, PortConfig
 from artemis.bridges.stamps import Stamps
 from artemis.bridges.topics import Told, Topics
+from artemis.build import require
 from artemis.config import Config
 from artemis.devices.can_bus import Traffic
 from artemis.errors import ConfigError
@@ -57,7 +58,7 @@ class RosbridgeObserver:
             ConfigError: the extra is not installed, the port is in use, this computer has no such address, or the
                 mission has no such input.
         """
-        require_websockets(context.name)
+        require(f"{context.name}: plugin: rosbridge", "web", "websockets")
         check_listen(context.name, config.listen)
         inputs = "" if config.inputs is None else _input_at(context.name, config.inputs, context.mission)
         self._stamps, self._messages = Stamps(), JsonMessages(config.ros)
