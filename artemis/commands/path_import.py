@@ -12,13 +12,15 @@ from artemis.commands.path_files import comments, refuse_smoothing, refuse_taken
 from artemis.commands.path_formats import READERS, SUFFIXES, Given
 from artemis.errors import ConfigError, shown
 from artemis.motion.columns import DEGREES, is_in_degrees
-from artemis.motion.joining import Placement, bulge, join
+from artemis.motion.joining import bulge, join
 from artemis.motion.path_points import MAX_GAP, distinct
+from artemis.motion.points import points_from
 from artemis.motion.route import Part, Route, Stretch, across, noise_words, stretches, turns_on_the_spot
 from artemis.motion.table import MAX_CHARACTERS
 from artemis.motion.track import SPACING
 from artemis.motion.waypoints import deviation, drawn, rows_of
 from artemis.states.follow import START_ANGLE, START_DISTANCE
+from artemis.values import Pose
 from artemis.yaml_file import read
 
 SHOWN_BULGE = 0.005
@@ -71,8 +73,8 @@ def import_path(
         route = _joined(given, found, closed, smoothing)
         if origin:
             begin = route.parts[0].path
-            place = Placement(float(begin.x[0]), float(begin.y[0]), route.parts[0].heading_at(0.0))
-            given.x, given.y = place.of_points(given.x, given.y)
+            place = Pose(x=float(begin.x[0]), y=float(begin.y[0]), heading=route.parts[0].heading_at(0.0))
+            given.x, given.y = points_from(place, np.array([given.x, given.y]))
             route = _joined(given, found, closed, smoothing)
     except ConfigError as error:
         raise ConfigError([f"{file}: {problem}" for problem in error.problems]) from error

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -74,21 +73,6 @@ def _evenly_between(distance: Array) -> Array:
 def _at(part: Part) -> str:
     """Where it begins, for people."""
     return f"waypoint x {part.path.x[0]:.2f} m, y {part.path.y[0]:.2f} m"
-
-
-@dataclass(frozen=True, slots=True)
-class Placement:
-    """A move of the plane: the point `x`, `y` [m] comes to the origin, the direction `heading` [rad] along x."""
-
-    x: float
-    y: float
-    heading: float
-
-    def of_points(self, x: Array, y: Array) -> tuple[Array, Array]:
-        """Points, moved."""
-        dx, dy = x - self.x, y - self.y
-        cosine, sine = math.cos(self.heading), math.sin(self.heading)
-        return dx * cosine + dy * sine, dy * cosine - dx * sine
 
 
 def bulge(x: Array, y: Array, path: Path) -> tuple[float, int]:

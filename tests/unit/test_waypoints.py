@@ -12,10 +12,11 @@ import pytest
 from artemis.errors import ConfigError
 from artemis.motion.demand import steering_per_distance
 from artemis.motion.geodesy import local_metres
-from artemis.motion.joining import Placement, bulge, join
+from artemis.motion.joining import bulge, join
 from artemis.motion.path import Path, check_drivable, path_from_csv, path_from_points
 from artemis.motion.path_facts import demand_of, facts_of
 from artemis.motion.path_points import cusps
+from artemis.motion.points import points_from
 from artemis.motion.route import Part, Route, route_from_csv
 from artemis.motion.waypoints import deviation, drawn, highest_speed, largest_distance, legs_of, rows_of
 from artemis.values import Pose
@@ -269,10 +270,9 @@ def test_sparse_waypoints_whose_ends_are_a_step_apart_stay_open() -> None:
     assert not join(5 * np.cos(angle), 5 * np.sin(angle), closed=False).closed
 
 
-def test_a_placement_brings_its_place_to_the_origin() -> None:
-    place = Placement(3.0, -2.0, 0.7)
-    x, y = place.of_points(np.array([3.0, 3.0 + math.cos(0.7)]), np.array([-2.0, -2.0 + math.sin(0.7)]))
-    assert [*x, *y] == pytest.approx([0.0, 1.0, 0.0, 0.0])
+def test_a_place_sees_itself_at_the_origin() -> None:
+    points = np.array([[3.0, 3.0 + math.cos(0.7)], [-2.0, -2.0 + math.sin(0.7)]])
+    assert points_from(Pose(x=3.0, y=-2.0, heading=0.7), points).ravel() == pytest.approx([0.0, 1.0, 0.0, 0.0])
 
 
 def test_cusps_are_sharp_turns() -> None:
