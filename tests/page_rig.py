@@ -22,6 +22,7 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from artemis.app import Parts, run_mission
+from artemis.bridges.operator.server import TlsFiles
 from artemis.clock import SimulatedLoop
 from artemis.config import Config
 from artemis.devices.can_bus import Traffic
@@ -29,7 +30,7 @@ from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.schema import Operation
 from artemis.page import paired
 from artemis.page.access import key_place, new_code, read_key
-from artemis.page.observer import PageObserver, PageObserverConfig, PageTls
+from artemis.page.observer import PageObserver, PageObserverConfig
 from artemis.planning import localizer_of, setup_for
 from artemis.plugins.inputs.page import PageInput, PageInputConfig
 from artemis.run_record import known_map
@@ -198,7 +199,7 @@ def _with_input(loaded: LoadedMission, name: str) -> bytes:
 
 
 @contextmanager
-def page_rig(run: Recorded, folder: Path, tls: PageTls | None = None, runs: Path | None = None) -> Iterator[PageRig]:
+def page_rig(run: Recorded, folder: Path, tls: TlsFiles | None = None, runs: Path | None = None) -> Iterator[PageRig]:
     """The page of such a run; `runs`: the folder of past runs. The page's key is where XDG_CONFIG_HOME says."""
     loaded, port = run.loaded, free_port()
     use = localizer_of(loaded, simulated=True)

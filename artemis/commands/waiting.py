@@ -9,11 +9,12 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from artemis.bridges.operator.server import files_of_tls
 from artemis.commands.page import announce, config_from
 from artemis.errors import ConfigError
 from artemis.notify import ServiceManager
 from artemis.page.mission_folder import CheckedMission
-from artemis.page.observer import PageObserverConfig, check_installed, files_of_tls
+from artemis.page.observer import PageObserverConfig, check_installed
 
 ARTEMIS = (sys.executable, "-P", "-m", "artemis")
 
@@ -29,7 +30,7 @@ def wait_for_operators(folder: Path, options: dict[str, Any]) -> int:
         raise ConfigError(f"{folder}: expected a folder of missions, or pair, or certificate with names")
     check_installed("artemis page")
     folder, config = folder.absolute(), config_from(options)
-    tls = files_of_tls(config, folder, "artemis page")
+    tls = files_of_tls(config.tls, folder, "artemis page")
     from artemis.page.waiting_page import WaitingPage
 
     async def main() -> None:

@@ -16,7 +16,7 @@ from pydantic import Field, model_validator
 from artemis.bridges.addresses import ListenAddress, bound
 from artemis.bridges.complaints import Complaints
 from artemis.bridges.loop_thread import LoopThread
-from artemis.bridges.operator.server import tls_context
+from artemis.bridges.operator.server import TlsFiles, files_of_tls
 from artemis.bridges.places import TakenPlace, port_place
 from artemis.build import require
 from artemis.clock import stopwatch
@@ -36,21 +36,13 @@ STATES_EVERY = 0.05
 _JSON = msgspec.json.Encoder().encode
 
 
-class PageTls(Config):
-    """A certificate and its key, in files (PEM), relative to the mission's folder."""
-
-    certificate: str
-    key: str
-    """Not encrypted, and readable by its owner alone."""
-
-
 class PageObserverConfig(Config):
     """Keys that a mission may write beside `plugin: page` under `observers`."""
 
     listen: ListenAddress = "127.0.0.1"
     """The address of this computer at which browsers reach the page; another than a loopback address needs `tls`."""
     port: Annotated[int, Field(ge=1, le=65535)] = PORT
-    tls: PageTls | None = None
+    tls: TlsFiles | None = None
     """Encrypt the connection; browsers must trust the certificate."""
     names: Annotated[tuple[str, ...], Field(strict=False)] = ()
     """Names by which browsers reach it besides this computer's own; addresses in numbers always do."""
@@ -88,22 +80,6 @@ def check_installed(what: str) -> None:
     require(what, "web", "starlette", "uvicorn", "websockets", "segno")
 
 
-def files_of_tls(config: PageObserverConfig, folder: Path, name: str) -> tuple[Path, Path] | None:
-    """Certificate and key of the page `name`, by names that are relative to a folder; None: it needs none.
-
-    Raises:
-        ConfigError: one of them is bad.
-    """
-    if config.tls is None:
-        return None
-    files = folder / config.tls.certificate, folder / config.tls.key
-    try:
-        tls_context(*files)
-    except ConfigError as error:
-        raise ConfigError(f"{name}: {error}") from None
-    return files
-
-
 class PageObserver:
     """Serves the page. In a run its port is taken when it is made."""
 
@@ -121,7 +97,7 @@ class PageObserver:
                 TLS or the page's key is bad.
         """
         check_installed(f"{context.name}: plugin: page")
-        files = files_of_tls(config, context.folder, context.name)
+        files = files_of_tls(config.tls, context.folder, context.name)
         mission = mission_in(context.mission)
         self._view = PageView(context.robot, mission, context.routes, context.map, config.input)
         self._complaints = Complaints(context.name, "browser")

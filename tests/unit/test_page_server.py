@@ -19,10 +19,11 @@ from pydantic import ValidationError
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection
 
+from artemis.bridges.operator.server import TlsFiles
 from artemis.page import paired as paired_server
 from artemis.page.access import key_place
 from artemis.page.certificates import kept, make
-from artemis.page.observer import PageObserverConfig, PageTls
+from artemis.page.observer import PageObserverConfig
 from artemis.page.paired import SHARED, STATIC
 from artemis.values import Mode, Request
 
@@ -212,7 +213,7 @@ def test_certificates_that_it_makes_encrypt_the_page(tmp_path: Path, monkeypatch
     certificate, key = map(str, kept() or ())
     trusted = ssl.create_default_context(cafile=str(authority))
     run = recorded("figure_eight.yaml", 9.0, tmp_path)
-    with page_rig(run, tmp_path, PageTls(certificate=certificate, key=key)) as rig:
+    with page_rig(run, tmp_path(certificate=certificate, key=key)) as rig:
         rig.show(50)
         with rig.client(trusted) as client:
             code = rig.pairing().split("#")[1]
@@ -226,7 +227,7 @@ def test_certificates_that_it_makes_encrypt_the_page(tmp_path: Path, monkeypatch
 def test_other_computers_need_tls(address: str) -> None:
     with pytest.raises(ValidationError, match="artemis page certificate"):
         PageObserverConfig(listen=address)
-    PageObserverConfig(listen=address, tls=PageTls(certificate="a", key="b"))
+    PageObserverConfig(listen=address, tls=TlsFiles(certificate="a", key="b"))
 
 
 # ---------------------------------------------------------------------------------------------------- its files

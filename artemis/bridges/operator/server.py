@@ -10,6 +10,7 @@ from pathlib import Path
 
 from artemis.bridges.operator.robot_end import CLAIM_TIME, RobotEnd, RobotLink
 from artemis.bridges.operator.session import BEAT_EVERY
+from artemis.config import Config
 from artemis.errors import ConfigError
 
 MOST_UNSENT = 32768
@@ -125,6 +126,30 @@ class _LinkProtocol(asyncio.Protocol):
         """Close now."""
         assert self._transport is not None
         self._transport.abort()
+
+
+class TlsFiles(Config):
+    """A certificate and its key, in files (PEM), relative to the mission's folder."""
+
+    certificate: str
+    key: str
+    """Not encrypted, and readable by its owner alone."""
+
+
+def files_of_tls(tls: TlsFiles | None, folder: Path, name: str) -> tuple[Path, Path] | None:
+    """Certificate and key of the plugin `name`, by names that are relative to a folder; None: it needs none.
+
+    Raises:
+        ConfigError: one of them is bad.
+    """
+    if tls is None:
+        return None
+    files = folder / tls.certificate, folder / tls.key
+    try:
+        tls_context(*files)
+    except ConfigError as error:
+        raise ConfigError(f"{name}: {error}") from None
+    return files
 
 
 def tls_context(certificate: Path, key: Path) -> ssl.SSLContext:

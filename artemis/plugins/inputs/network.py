@@ -17,7 +17,7 @@ from pydantic import Field
 from artemis.bridges.addresses import ListenAddress, listening_at
 from artemis.bridges.operator.link_process import LinkProcess, LinkSettings
 from artemis.bridges.operator.pairing import default_place, read_secret
-from artemis.bridges.operator.server import tls_context
+from artemis.bridges.operator.server import TlsFiles, files_of_tls
 from artemis.bridges.operator.session import Arrived
 from artemis.bridges.operator.status import SHOWN_EVERY, RobotStatus, Welcome, status_of
 from artemis.bridges.places import TakenPlace, port_place
@@ -31,14 +31,6 @@ from artemis.vehicle import WishedSpeed
 
 PORT = 7482
 """Where artemis listens for operators; in no list of well-known ports."""
-
-
-class TlsFiles(Config):
-    """A certificate and its key, in files (PEM), relative to the mission's folder."""
-
-    certificate: str
-    key: str
-    """Not encrypted, and readable by its owner alone."""
 
 
 class NetworkConfig(Config):
@@ -130,13 +122,7 @@ class NetworkInput(LinkedInput):
             secret = read_secret(place) if context.real_time or place.exists() else None
         except ConfigError as error:
             raise ConfigError(f"{self._name}: secret: {error}") from None
-        tls = config.tls
-        files = None if tls is None else (context.folder / tls.certificate, context.folder / tls.key)
-        if files is not None:
-            try:
-                tls_context(*files)
-            except ConfigError as error:
-                raise ConfigError(f"{self._name}: {error}") from None
+        files = files_of_tls(config.tls, context.folder, self._name)
         if secret is None:
             return None
         certificate, key = ("", "") if files is None else map(str, map(Path.absolute, files))
