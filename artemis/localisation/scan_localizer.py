@@ -11,7 +11,7 @@ from artemis.localisation.scan_map import ScanMap
 from artemis.mapping.likelihood import NOWHERE, LikelihoodGrid, Match
 from artemis.mapping.matching import match
 from artemis.mapping.pose_graph import match_information
-from artemis.mapping.se2 import Array, between, compose, within
+from artemis.mapping.se2 import Array, between, compose, placed_surface, within
 from artemis.mapping.settings import MapSettings
 
 _NEAR, _NEAR_TURN = 0.25, 0.08
@@ -308,13 +308,7 @@ class ScanLocalizer:
 
     def _seen(self) -> Array:
         """Points of the last key scans, seen from where the robot is now, shape (n, 4)."""
-        parts = []
-        for points, pose in self._keys:
-            x, y, turn = between(self._at, pose)
-            c, s = np.cos(turn), np.sin(turn)
-            px, py, nx, ny = points.T
-            parts.append(np.stack([x + c * px - s * py, y + s * px + c * py, c * nx - s * ny, s * nx + c * ny], 1))
-        return np.concatenate(parts)
+        return np.concatenate([placed_surface(between(self._at, pose), points) for points, pose in self._keys])
 
     def _forget(self) -> None:
         """Drop the last scans: they may be of another place."""

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from artemis.mapping.likelihood import LikelihoodGrid
 from artemis.mapping.occupancy import OccupancyMap
-from artemis.mapping.se2 import Array, compose
+from artemis.mapping.se2 import Array, placed_surface
 from artemis.mapping.settings import MapSettings
 
 _ROUGH = 2
@@ -80,12 +80,7 @@ class ScanMap:
 
 def surface_of_scans(scans: Sequence[Array], poses: Array, cell: float) -> Array:
     """Points of scans, those of one surface in one cell [m] made one: x, y and normal, shape (n, 4)."""
-    parts = []
-    for scan, pose in zip(scans, poses, strict=True):
-        ends = compose(pose, np.c_[scan[:, :2], np.zeros(len(scan))])[:, :2]
-        c, s = np.cos(pose[2]), np.sin(pose[2])
-        parts.append(np.c_[ends, c * scan[:, 2] - s * scan[:, 3], s * scan[:, 2] + c * scan[:, 3]])
-    every = np.concatenate(parts)
+    every = np.concatenate([placed_surface(pose, scan) for scan, pose in zip(scans, poses, strict=True)])
     known = (every[:, 2:] != 0).any(1)
     direction = np.arctan2(every[:, 3], every[:, 2]) % np.pi  # a wall that is seen from both sides is one
     sector = np.where(known, np.floor(direction / np.pi * _DIRECTIONS), -1)

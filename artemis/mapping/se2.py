@@ -41,6 +41,14 @@ def between(first: ArrayLike, second: ArrayLike) -> Array:
     return np.stack([c * dx + s * dy, c * dy - s * dx, wrapped(b[..., 2] - a[..., 2])], -1)
 
 
+def placed_surface(pose: Array, points: Array) -> Array:
+    """Points x, y [m] with their normals, shape (n, 4), that are seen from `pose`, shape (3,), in its own frame."""
+    x, y, turn = pose
+    c, s = np.cos(turn), np.sin(turn)
+    px, py, nx, ny = points.T
+    return np.stack([x + c * px - s * py, y + s * px + c * py, c * nx - s * ny, s * nx + c * ny], 1)
+
+
 def within(motion: Array, distance: float, turn: float) -> bool:
     """Whether one motion, shape (3,), is shorter than `distance` [m] and turns by less than `turn` [rad]."""
     x, y, turned = motion.tolist()

@@ -16,7 +16,7 @@ from artemis.mapping.key_scans import KeyScans
 from artemis.mapping.likelihood import LikelihoodGrid, Match
 from artemis.mapping.matching import untold
 from artemis.mapping.pose_graph import Link, match_information
-from artemis.mapping.se2 import Array, between, compose
+from artemis.mapping.se2 import Array, between, compose, placed_surface
 from artemis.mapping.settings import MapSettings
 
 _CLOSE = 0.12
@@ -82,10 +82,8 @@ class WideLoops:
         """Points of the last key scans, seen from the newest, shape (n, 4)."""
         parts = []
         for each in range(max(0, key + 1 - _RECENT), key + 1):
-            points, pose = self._keys.points[each], between(self._keys.poses[key], self._keys.poses[each])
-            c, s = np.cos(pose[2]), np.sin(pose[2])
-            moved = compose(pose, np.c_[points[:, :2], np.zeros(len(points))])[:, :2]
-            parts.append(np.c_[moved, c * points[:, 2] - s * points[:, 3], s * points[:, 2] + c * points[:, 3]])
+            pose = between(self._keys.poses[key], self._keys.poses[each])
+            parts.append(placed_surface(pose, self._keys.points[each]))
         every = np.concatenate(parts)
         return np.ascontiguousarray(every[:: max(1, len(every) // _POINTS)])  # else it is compiled anew
 
