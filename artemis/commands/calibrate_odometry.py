@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import gzip
-import io
 import sys
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import radians
@@ -25,11 +22,11 @@ from artemis.calibration.robot_file import changes
 from artemis.calibration.score import Score, ScoredRun, checked, score, track
 from artemis.calibration.wheel_log import WheelLog, recorded_log
 from artemis.calibration.words import as_text, held_of, rows_of, score_rows
-from artemis.commands.path_formats import text_of
+from artemis.commands.path_given import text_in
 from artemis.commands.wholeness import tell_missing
 from artemis.errors import ConfigError, RecordingError
 from artemis.mission.loading import load_model
-from artemis.motion.table import MAX_CHARACTERS, Table
+from artemis.motion.table import Table
 from artemis.motion.trajectory import Trajectory
 from artemis.motion.truth import truth_from
 from artemis.recording.disk import write_whole
@@ -37,7 +34,6 @@ from artemis.recording.mcap_reader import Recording
 from artemis.report.drawing import check_figures
 from artemis.vehicle import RobotFile
 from artemis.yaml_edit import edit
-from artemis.yaml_file import read
 
 SIMULATION = "simulation"
 """Instead of a file: the true poses of a simulated run."""
@@ -158,12 +154,12 @@ def _read(
             metres_per_count=(count, count),
             robot=None,
         )
-        pairs = [log_from_table(_text(run), str(run), described) for run in runs]
+        pairs = [log_from_table(text_in(run), str(run), described) for run in runs]
     else:
         source, pairs = _recorded(runs, truths)
     if not truths or list(truths) == [SIMULATION]:
         return source, pairs
-    return source, [(log, truth_from(_text(Path(file)), file)) for (log, _), file in zip(pairs, truths, strict=True)]
+    return source, [(log, truth_from(text_in(Path(file)), file)) for (log, _), file in zip(pairs, truths, strict=True)]
 
 
 def _recorded(runs: Sequence[Path], truths: Sequence[str]) -> tuple[Source, list[tuple[WheelLog, Trajectory | None]]]:
@@ -192,21 +188,9 @@ def _run(log: WheelLog, truth: Trajectory | None, same_clock: bool) -> Run:
     return Run(log=log, truth=truth, one_clock=same_clock or same_rows)
 
 
-def _text(file: Path) -> str:
-    """A text file, also one packed by gzip."""
-    raw = read(file, MAX_CHARACTERS)
-    if file.suffix == ".gz":
-        try:
-            with gzip.GzipFile(fileobj=io.BytesIO(raw)) as stream:
-                raw = stream.read(MAX_CHARACTERS + 1)
-        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-            raise ConfigError(f"{file}: cannot be decompressed: {error}") from error
-    return text_of(raw, str(file))
-
-
 def _ends(file: Path, count: int) -> list[tuple[float, float, float]]:
     """Measured ends by the numbers of the runs, from 1."""
-    table = Table(_text(file), str(file), CLOSING_NAMES, required=("run", "x", "y", "heading_deg"))
+    table = Table(text_in(file), str(file), CLOSING_NAMES, required=("run", "x", "y", "heading_deg"))
     rows = list(zip(*(table.columns.get(name, []) for name in ("run", "x", "y", "heading_deg")), strict=True))
     if table.complete and [row[0] for row in rows] != list(range(1, count + 1)):
         table.report_file(f"run: expected the numbers 1 to {count}, in this order")

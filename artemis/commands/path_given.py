@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import gzip
+import io
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
 from artemis.errors import ConfigError
 from artemis.motion.arrays import Array
 from artemis.motion.geodesy import local_metres
+from artemis.motion.table import MAX_CHARACTERS
+from artemis.yaml_file import read
 
 
 @dataclass(slots=True, kw_only=True)
@@ -38,6 +44,21 @@ def text_of(raw: bytes, source: str) -> str:
         line, column = before.count("\n") + 1, len(before) - (before.rfind("\n") + 1) + 1
         problem = f"byte 0x{raw[error.start]:02x} is not UTF-8"
         raise ConfigError(f"{source}:{line}:{column}: {problem}: save the table as UTF-8 text") from None
+
+
+def text_in(file: Path) -> str:
+    """The text of a table's file, which may be packed by gzip.
+
+    Raises:
+        ConfigError: it cannot be read or unpacked, is too large, or is not UTF-8.
+    """
+    raw = read(file, MAX_CHARACTERS)
+    if raw.startswith(b"\x1f\x8b"):
+        try:
+            raw = gzip.GzipFile(fileobj=io.BytesIO(raw)).read(MAX_CHARACTERS + 1)
+        except (OSError, EOFError, zlib.error) as error:
+            raise ConfigError(f"{file}: cannot be unpacked: {error}") from None
+    return text_of(raw, str(file))
 
 
 def heading_of(qx: Array, qy: Array, qz: Array, qw: Array) -> Array:

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import gzip
-import io
 import sys
-import zlib
 from math import isfinite, radians
 from pathlib import Path
 from textwrap import shorten
 
-from artemis.commands.path_formats import text_of
+from artemis.commands.path_given import text_in
 from artemis.errors import ConfigError
 from artemis.motion.comparison import ALIGNMENTS, Alignment, Comparison, compare
-from artemis.motion.table import MAX_CHARACTERS
 from artemis.motion.trajectory import Trajectory
 from artemis.motion.truth import as_tum, truth_from
 from artemis.recording.disk import write_whole
@@ -25,7 +21,6 @@ from artemis.report.side_by_side import write_side_by_side
 from artemis.report.trajectories import estimated_trajectory, true_trajectory
 from artemis.report.truth_words import comparison_rows
 from artemis.values import Pose
-from artemis.yaml_file import read
 
 MOST = 48
 """Characters of a cell that is printed."""
@@ -58,7 +53,7 @@ def report(
         check_figures("--truth")
     alignment = _alignment(align or ("none" if truth == SIMULATION else "best"))
     place = _sensor(sensor)
-    given = None if truth in (None, SIMULATION) else _truth(Path(str(truth)))
+    given = None if truth is None or truth == SIMULATION else truth_from(text_in(Path(truth)), str(Path(truth)))
     recording = _opened(run)
     folder = run if run.is_dir() else run.parent
     series = read_series(recording, every_tick=truth is not None or export is not None)
@@ -126,17 +121,6 @@ def _sensor(written: str | None) -> Pose:
             f"--sensor {written}: expected X,Y or X,Y,DEG: metres ahead and left of the rear axle's centre"
         )
     return Pose(x=numbers[0], y=numbers[1], heading=radians(numbers[2]) if len(numbers) == 3 else 0.0)
-
-
-def _truth(file: Path) -> Trajectory:
-    """Read a table or a TUM file, which may be packed by gzip."""
-    raw = read(file, MAX_CHARACTERS)
-    if raw.startswith(b"\x1f\x8b"):
-        try:
-            raw = gzip.GzipFile(fileobj=io.BytesIO(raw)).read(MAX_CHARACTERS + 1)
-        except (OSError, EOFError, zlib.error) as error:
-            raise ConfigError(f"{file}: cannot be unpacked: {error}") from None
-    return truth_from(text_of(raw, str(file)), str(file))
 
 
 def _compared(

@@ -132,5 +132,5 @@ def test_what_does_not_fit_together_is_refused(tmp_path: Path) -> None:
         calibrate_with_truth([loop(tmp_path, 1)], [], cart(tmp_path), [], tmp_path, None)
     broken = tmp_path / "broken.csv.gz"
     broken.write_bytes(RUNS[0].read_bytes()[:1000])
-    with pytest.raises(ConfigError, match="cannot be decompressed"):
+    with pytest.raises(ConfigError, match="cannot be unpacked"):
         calibrate_with_truth([broken], [], MACHINE, [], tmp_path, None)
