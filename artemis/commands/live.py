@@ -18,13 +18,12 @@ from artemis.families.family import Errors
 from artemis.plugins.guard import Problem
 from artemis.recording.asked_poses import AskedPoses
 from artemis.recording.disk import FULL
-from artemis.recording.event_log import happened, values_of
+from artemis.recording.event_log import by_key, happened, values_of
 from artemis.recording.journal import Level
-from artemis.report.fault_words import DID, next_step
+from artemis.report.fault_words import explained_now
 from artemis.report.mission_times import MissionTimes
 from artemis.states.modes import RUNNING
 from artemis.states.requests import accepted, ignored
-from artemis.supervision.catalogue import ROWS
 from artemis.values import Fault, JobKind, Mode, OperatorInput, Request, Severity, Snapshot, Tick, Verdict
 
 REFRESH = 0.1
@@ -143,7 +142,7 @@ class LiveView:
 
     def _compare(self, time: float, verdict: Verdict) -> None:
         before, self._verdict = self._verdict, verdict
-        old, new = _by_key(before), _by_key(verdict)
+        old, new = by_key(before), by_key(verdict)
         for key, fault in new.items():
             if key not in old or fault.severity > old[key].severity:
                 self._explain(time, fault)
@@ -155,14 +154,8 @@ class LiveView:
 
     def _explain(self, time: float, fault: Fault) -> None:
         """What failed, where to look, what artemis did, what to do next."""
-        row = ROWS[fault.id]
         self._say(time, "FAULT", f"{fault.id} {fault.text}", _severity_colour(fault))
-        told = {
-            "look": row.advice,
-            "artemis": DID.get(fault.severity, ""),
-            "next": next_step(row, fault.severity, fault.final),
-        }
-        for label, text in told.items():
+        for label, text in explained_now(fault).items():
             if text:
                 self._lines.append(self._styled(f"{label:>{_MARGIN}}  {text}", _DIM))
 
@@ -254,7 +247,3 @@ def _hand(sample: OperatorInput) -> str:
 
 def _severity_colour(fault: Fault) -> str:
     return _RED if fault.severity >= Severity.CONTROLLED_STOP else _YELLOW
-
-
-def _by_key(verdict: Verdict) -> dict[tuple[str, str], Fault]:
-    return {(fault.id, fault.device): fault for fault in verdict.faults}

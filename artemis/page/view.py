@@ -16,13 +16,12 @@ from artemis.motion.planned_route import route_poses
 from artemis.motion.route import Route
 from artemis.recording.event_log import EventLog
 from artemis.recording.journal import Entry, Level
-from artemis.report.fault_words import DID, next_step
+from artemis.report.fault_words import explained_now
 from artemis.report.mission_boxes import Box, boxes_of
 from artemis.report.mission_times import MissionTimes
 from artemis.scan import Scan
 from artemis.states.outline import numbered
 from artemis.states.requests import by_hand
-from artemis.supervision.catalogue import ROWS
 from artemis.values import Fault, JobKind, JobResult, LocatedPose, Mode, Request, Tick
 from artemis.vehicle import RobotFile
 from artemis.yaml_file import dotted
@@ -336,15 +335,12 @@ def _std(located: LocatedPose) -> list[float] | None:
 
 
 def _fault(fault: Fault) -> Part:
-    row = ROWS[fault.id]
     return {
         "id": fault.id,
         "device": fault.device,
         "text": fault.text,
         "severity": int(fault.severity),
-        "look": row.advice,
-        "artemis": DID.get(fault.severity, ""),
-        "next": next_step(row, fault.severity, fault.final),
+        **explained_now(fault),
     }
 
 

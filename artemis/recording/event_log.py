@@ -153,7 +153,7 @@ class EventLog:
         """Faults that came, grew worse or went, by whom they were forgotten, and what follows from those left."""
         time, sensed, verdict = tick.snapshot.time, tick.snapshot.sensed, tick.snapshot.verdict
         before, self._verdict = self._verdict, verdict
-        old, new = _by_key(before), _by_key(verdict)
+        old, new = by_key(before), by_key(verdict)
         for key, fault in new.items():
             if key not in old or (fault.severity, fault.final) != (old[key].severity, old[key].final):
                 yield _fault(time, fault, sensed, self._errors)
@@ -334,7 +334,8 @@ def _order(job: Job | JobResult) -> dict[str, Any]:
     return {"id": job.id, "job": job.kind.value, "drive": job.drive}
 
 
-def _by_key(verdict: Verdict) -> dict[_Key, Fault]:
+def by_key(verdict: Verdict) -> dict[_Key, Fault]:
+    """The faults of a verdict by row and device."""
     return {(fault.id, fault.device): fault for fault in verdict.faults}
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from artemis.recording.journal import Entry
 from artemis.supervision.catalogue import ROWS
 from artemis.supervision.catalogue.row import Kind, Row
-from artemis.values import JobKind, Severity
+from artemis.values import Fault, JobKind, Severity
 
 DID = {
     Severity.WARN: "nothing: the run continues",
@@ -33,6 +33,13 @@ def next_step(row: Row, severity: Severity, final: bool) -> str:
     if severity is Severity.WARN and row.recovery.kind is not Kind.ITSELF:
         return "fix the cause before the next run"
     return NEVER if final else _NEXT.get(row.recovery.kind, NEVER)
+
+
+def explained_now(fault: Fault) -> dict[str, str]:
+    """Of a fault that is there: where to `look`, what `artemis` does, and what comes `next`."""
+    row = ROWS[fault.id]
+    then = next_step(row, fault.severity, fault.final)
+    return {"look": row.advice, "artemis": DID.get(fault.severity, ""), "next": then}
 
 
 def by_fault(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
