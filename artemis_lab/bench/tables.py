@@ -48,6 +48,11 @@ class Grid:
         return "\n".join([self.title, "", *lines, ""])
 
 
+def share_of(found: Sequence[float], share: float) -> float:
+    """The least value that is not below a share, 0 to 1, of all; NaN, which no limit holds, where nothing was found."""
+    return sorted(found)[min(int(share * len(found)), len(found) - 1)] if found else float("nan")
+
+
 class ResultTable:
     """Rows by follower, course and case."""
 

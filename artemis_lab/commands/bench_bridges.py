@@ -12,6 +12,7 @@ import typer
 
 from artemis_lab.bench.killed_bridges import kill_bridges
 from artemis_lab.bench.rosbridge_flood import flooded
+from artemis_lab.bench.tables import share_of
 
 BACK = 2.0
 """A bridge is back after so long at the worst [s]."""
@@ -47,7 +48,7 @@ def _tell_flood(robot: Path) -> bool:
     ticks = flooded(robot, CLIENTS, FLOODS)
     quiet, poured = ticks.split(ticks.late)
     _tell("ticks begin late with the input rosbridge, quiet", quiet)
-    later = _tell(f"the same, flooded by {CLIENTS} clients", poured) - _tail(quiet)
+    later = _tell(f"the same, flooded by {CLIENTS} clients", poured) - share_of(quiet, 0.99)
     held = later <= LATER
     typer.echo(f"a tick begins later by that, p99: {later * 1e3:+.1f} ms (at most +1){'' if held else ': EXCEEDED'}")
     return held
@@ -56,10 +57,6 @@ def _tell_flood(robot: Path) -> bool:
 def _tell(what: str, late: Sequence[float]) -> float:
     """Print how late; returns the 99th percentile [s]."""
     ordered = sorted(late) or [float("nan")]
-    middle, tail, worst = ordered[len(ordered) // 2] * 1e3, _tail(late) * 1e3, ordered[-1] * 1e3
+    middle, tail, worst = ordered[len(ordered) // 2] * 1e3, share_of(late, 0.99) * 1e3, ordered[-1] * 1e3
     typer.echo(f"{what} ({len(late)}): median {middle:.1f}, p99 {tail:.1f}, worst {worst:.1f} ms")
-    return _tail(late)
-
-
-def _tail(late: Sequence[float]) -> float:
-    return sorted(late)[int(0.99 * len(late))] if late else float("nan")
+    return share_of(late, 0.99)

@@ -11,6 +11,7 @@ import typer
 
 from artemis.errors import ArtemisError
 from artemis_lab.bench.operator_link import PERIOD, Ticks, cuts, drive
+from artemis_lab.bench.tables import share_of
 
 CUT, REPORT, LATER = 0.3, PERIOD + 0.005, 0.001
 """Link cut to stop at the worst, report to frame at p99, a tick later by a flood [s]."""
@@ -41,8 +42,8 @@ def measure(robot: Path, reports: int, seconds: float, runs: int, times: int, se
     raw, on_time = [each for each, _ in latencies], [each - late for each, late in latencies]
     budget = f"p99 at most {REPORT * 1e3:g}"
     name = f"report to set-point frame over loopback ({len(raw)} reports)"
-    held.append(_row(name, raw, _share(raw, 0.99), budget, REPORT))
-    _row("the same, less what the tick itself was late", on_time, _share(on_time, 0.99), budget, REPORT)
+    held.append(_row(name, raw, share_of(raw, 0.99), budget, REPORT))
+    _row("the same, less what the tick itself was late", on_time, share_of(on_time, 0.99), budget, REPORT)
     for thread in (False, True):
         differences = _flooded(robot, seconds, seed, runs, thread=thread)
         if not thread:
@@ -65,7 +66,7 @@ def _flooded(robot: Path, seconds: float, seed: int, runs: int, *, thread: bool)
         if ticks is None:
             continue
         quiet, flooded = ticks.split(ticks.late)
-        differences.append(_share(flooded, 0.99) - _share(quiet, 0.99))
+        differences.append(share_of(flooded, 0.99) - share_of(quiet, 0.99))
         for of_all, of_run in ((late, (quiet, flooded)), (cpu, ticks.split(ticks.cpu_per_tick))):
             for place, values in zip(of_all, of_run, strict=True):
                 place += values
@@ -73,7 +74,7 @@ def _flooded(robot: Path, seconds: float, seed: int, runs: int, *, thread: bool)
         _row(f"tick late, link in a {where}, {name} ({len(found)} ticks)", found, 0.0, "", 0.0)
     if differences:
         told = ", ".join(f"{each * 1e3:+.1f}" for each in differences)
-        ratio = _share(cpu[1], 0.5) / max(_share(cpu[0], 0.5), 1e-9)
+        ratio = share_of(cpu[1], 0.5) / max(share_of(cpu[0], 0.5), 1e-9)
         typer.echo(f"p99 flooded less p99 quiet, link in a {where}, run by run: {told} ms")
         typer.echo(f"processor time of a tick, link in a {where}: flooded / quiet = {ratio:.2f} (medians)")
     return differences
@@ -91,7 +92,7 @@ def _driven(run: Callable[[], Ticks]) -> Ticks | None:
 
 def _row(name: str, found: Sequence[float], value: float, budget: str, limit: float) -> bool:
     """Print one; whether the `value` is within its `limit` [s]."""
-    middle, tail, worst = (_share(found, share) * 1e3 for share in (0.5, 0.99, 1.0))
+    middle, tail, worst = (share_of(found, share) * 1e3 for share in (0.5, 0.99, 1.0))
     held = value <= limit
     words = f"median {middle:.1f}, p99 {tail:.1f}, worst {worst:.1f} ms"
     typer.echo(f"{name}: {words}" + (f" ({budget}){_mark(held)}" if budget else ""))
@@ -100,8 +101,3 @@ def _row(name: str, found: Sequence[float], value: float, budget: str, limit: fl
 
 def _mark(held: bool) -> str:
     return "" if held else ": EXCEEDED"
-
-
-def _share(found: Sequence[float], share: float) -> float:
-    """NaN, and so not held, where nothing was found."""
-    return sorted(found)[min(int(share * len(found)), len(found) - 1)] if found else float("nan")

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import typer
 
 from artemis_lab.bench.page_link import Late, measure_losses, measure_page
+from artemis_lab.bench.tables import share_of
 
 STOP, LOSS, PAINT, SIZE, LATER, SHARE = 25.0, 350.0, 1.0, 300, 1.0, 3.0
 """Stop to frame at p95 [ms], a loss to the first lower set-point [ms], first paint [s], all files [kB], a tick later by
@@ -21,11 +21,11 @@ def measure(robot: Path, presses: int, seconds: float, losses: int) -> bool:
     typer.echo("| | measured | at most |\n|---|---|---|")
     held = [
         _row(
-            f"Stop to the quick stop's frames, p95 of {len(found.quiet)}", _share(found.quiet, 0.95) * 1e3, STOP, "ms"
+            f"Stop to the quick stop's frames, p95 of {len(found.quiet)}", share_of(found.quiet, 0.95) * 1e3, STOP, "ms"
         ),
         _row(
             f"the same while a report is made, p95 of {len(found.reporting)}",
-            _share(found.reporting, 0.95) * 1e3,
+            share_of(found.reporting, 0.95) * 1e3,
             STOP,
             "ms",
         ),
@@ -50,7 +50,7 @@ def _later(by: str, late: Late) -> list[bool]:
     return [
         _row(
             f"a tick begins later by {by}, {name} of {len(troubled)}",
-            (_share(troubled, share) - _share(quiet, share)) * 1e3,
+            (share_of(troubled, share) - share_of(quiet, share)) * 1e3,
             LATER,
             "ms",
         )
@@ -62,8 +62,3 @@ def _row(name: str, value: float, most: float, unit: str) -> bool:
     held = value <= most
     typer.echo(f"| {name} | {value:.1f} {unit}{'' if held else ' EXCEEDED'} | {most:g} {unit} |")
     return held
-
-
-def _share(found: Sequence[float], share: float) -> float:
-    """NaN, and so not held, where nothing was found."""
-    return sorted(found)[min(int(share * len(found)), len(found) - 1)] if found else float("nan")
