@@ -74,16 +74,16 @@ def made_map(folder: Path, time: Array, estimated: Array) -> OccupancyMap | None
     return replace(content, origin=(x, y, heading))
 
 
-def draw_cells(axes: Axes, content: OccupancyMap, *, faint: float = 0.0) -> None:
-    """Cells in grey, in the frame of the map; `faint`, 0 to 1: so much lighter, and nothing where nothing is known."""
+def draw_cells(axes: Axes, content: OccupancyMap) -> None:
+    """Cells in grey, in the frame of the map."""
     from matplotlib.transforms import Affine2D  # takes long, and who only reads a recording needs none
 
     cells = content.cells
-    grey = np.where(cells < 0, 1.0 if faint else _UNKNOWN_GREY, 1 - (1 - faint) * cells / 100)
+    grey = np.where(cells < 0, _UNKNOWN_GREY, 1 - cells / 100)
     rows, columns = cells.shape
     x, y, heading = content.origin
     image = axes.imshow(
-        np.ma.masked_where(grey >= 1.0, grey) if faint else grey,
+        grey,
         cmap="gray",
         vmin=0,
         vmax=1,
