@@ -109,11 +109,6 @@ class Mapper:
         around = [(self.keys.points[key], self.keys.poses[key].copy()) for key in near]
         self._tracker.resume(around, near[-1], len(self.keys) - 1, start)
 
-    def undo(self, loop: int) -> None:
-        """Take a loop back, by its number in the graph, and solve without it."""
-        self.graph.remove(loop)
-        self.solve()
-
     def solve(self) -> None:
         """Move all poses to where they fit the links best."""
         self._closer.solve(_LAST_ROUNDS)
