@@ -174,7 +174,6 @@ class ScanTelegram(Struct, frozen=True, kw_only=True):
     serial: int
     status: tuple[int, int]
     """0 0 well, 0 1 error, 0 2 window nearly too dirty, 0 5 window too dirty."""
-    telegram_counter: int
     scan_counter: int
     started_us: int
     """When the scan began, on the device's clock, which begins anew after 71.6 min [us]."""
@@ -234,7 +233,8 @@ def scan_from(telegram: bytes) -> ScanTelegram:
     words.unsigned(16)  # version
     device, serial = words.unsigned(16), words.unsigned(32)
     status = words.unsigned(8), words.unsigned(8)
-    telegram_counter, scan_counter = words.unsigned(16), words.unsigned(16)
+    words.unsigned(16)  # number of the telegram
+    scan_counter = words.unsigned(16)
     started = words.unsigned(32)
     words.unsigned(32)  # when it was sent
     for bits in (8, 8, 8, 8, 16):  # digital inputs, digital outputs, angle of the layer
@@ -249,7 +249,6 @@ def scan_from(telegram: bytes) -> ScanTelegram:
         device=device,
         serial=serial,
         status=status,
-        telegram_counter=telegram_counter,
         scan_counter=scan_counter,
         started_us=started,
         frequency=frequency,
