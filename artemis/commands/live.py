@@ -233,12 +233,13 @@ def _by_hand(snapshot: Snapshot, load: float) -> str:
     points = snapshot.set_points
     wheels = f"{degrees(points.steering_left):+.0f}° {degrees(points.steering_right):+.0f}°"
     off = [drive.name for drive in snapshot.sensed.drives if drive.state is not DriveState.OPERATION_ENABLE]
-    hands = "".join(f"  {sample.source} {_hand(sample)}" for sample in snapshot.sensed.inputs)
+    hands = "".join(f"  {sample.source} {hand_words(sample)}" for sample in snapshot.sensed.inputs)
     drives = f"NOT ON: {', '.join(off)}" if off else "drives on"
     return f"  wheels {wheels}  {drives}  bus {load:.0%}{hands}"
 
 
-def _hand(sample: OperatorInput) -> str:
+def hand_words(sample: OperatorInput) -> str:
+    """What a hand does at its device."""
     if sample.age is None:
         return "silent"
     state = "held" if sample.enabled else "released" if sample.neutral else "not neutral"

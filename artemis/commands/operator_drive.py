@@ -10,7 +10,7 @@ import ssl
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
-from math import degrees, inf
+from math import inf
 from pathlib import Path
 
 import msgspec
@@ -22,6 +22,7 @@ from artemis.bridges.operator.operator_end import UNHEARD, OperatorEnd, RefusedL
 from artemis.bridges.operator.session import DEAD
 from artemis.bridges.operator.status import RobotStatus, Welcome
 from artemis.clock import until
+from artemis.commands.live import hand_words
 from artemis.commands.operator import DeviceChoice, robot_from
 from artemis.commands.operator_view import OperatorView
 from artemis.commands.terminal import DRIVING, listen_to_keys, somebody_is_there
@@ -231,9 +232,8 @@ class OperatorDrive:
                     shown = end.status
                     status, told = msgspec.json.decode(shown, type=RobotStatus), now
                     self._view.see(status)
-                self._view.refresh(
-                    status if now - told < OLD else None, end.beat.age, end.beat.round_trip, _hand(sample)
-                )
+                hand = f"{'device' if sample.age is None else 'you:'} {hand_words(sample)}"
+                self._view.refresh(status if now - told < OLD else None, end.beat.age, end.beat.round_trip, hand)
                 await until(now + POLL)
             return end.over or str(protocol.problem or "the connection was closed")
         finally:
@@ -352,10 +352,3 @@ def _is_news(sample: OperatorInput, last: OperatorInput) -> bool:
         last.enabled,
         last.neutral,
     )
-
-
-def _hand(sample: OperatorInput) -> str:
-    if sample.age is None:
-        return "device silent"
-    state = "held" if sample.enabled else "released" if sample.neutral else "not neutral"
-    return f"you: {sample.speed:+.2f} m/s {degrees(sample.steering):+.0f}° {state}"
