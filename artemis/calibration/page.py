@@ -124,15 +124,13 @@ def residual_figure(before: Sequence[Sequence[float]], after: Sequence[Sequence[
     return figure
 
 
-def styled_page(
-    title: str, tables: Tables, before: Sequence[ScoredRun], after: Sequence[ScoredRun], found: Estimates
-) -> str:
+def styled_page(tables: Tables, before: Sequence[ScoredRun], after: Sequence[ScoredRun], found: Estimates) -> str:
     """The whole page of a fit with a truth."""
     with style():
-        return page(title, tables, drawn(before, after, found))
+        return page("Calibration of the odometry", tables, drawn(before, after, found))
 
 
-def closing_page(title: str, tables: Tables, before: np.ndarray, after: np.ndarray, found: Estimates) -> str:
+def closing_page(tables: Tables, before: np.ndarray, after: np.ndarray, found: Estimates) -> str:
     """The whole page of a fit of closing errors."""
     with style():
         figures = [
@@ -142,4 +140,4 @@ def closing_page(title: str, tables: Tables, before: np.ndarray, after: np.ndarr
             ),
             ("Parameters as shares of their plausible bands, with 95 % intervals", parameter_figure(found)),
         ]
-        return page(title, tables, figures)
+        return page("Calibration of the odometry by closing errors", tables, figures)

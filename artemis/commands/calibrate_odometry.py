@@ -106,7 +106,7 @@ def calibrate_with_truth(
     from artemis.calibration.page import DRAWN, styled_page  # matplotlib takes a third of a second to import
 
     before, after = (_tracks(found, machine, DRAWN) for machine in (source.base, found.machine))
-    _write_page(styled_page("Calibration of the odometry", tables, before, after, found), output or _beside(runs[0]))
+    _write_page(styled_page(tables, before, after, found), output or _beside(runs[0]))
     _write_robot(robot_file, source, found)
 
 
@@ -131,7 +131,7 @@ def calibrate_closing(
     _tell(tables, found)
     from artemis.calibration.page import closing_page
 
-    text = closing_page("Calibration of the odometry by closing errors", tables, found.before, found.after, found)
+    text = closing_page(tables, found.before, found.after, found)
     _write_page(text, output or _beside(runs[0]))
     _write_robot(robot_file, source, found)
 

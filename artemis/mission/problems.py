@@ -94,15 +94,15 @@ def describe(value: object) -> str:
     return shown(value)
 
 
-def problems_from(error: ValidationError, document: Document, model: type[BaseModel], at: KeyPath = ()) -> list[str]:
-    """One line with file, position and key for each error that `model` found in the part of a document at `at`."""
-    return [document.problem(path, text) for path, text in placed(error, document, model, at)]
+def problems_from(error: ValidationError, document: Document, model: type[BaseModel]) -> list[str]:
+    """One line with file, position and key for each error that `model` found in a document."""
+    return [document.problem(path, text) for path, text in placed(error, document, model, at=())]
 
 
 def placed(
-    error: ValidationError, document: Document, model: type[BaseModel], at: KeyPath = ()
+    error: ValidationError, document: Document, model: type[BaseModel], at: KeyPath
 ) -> list[tuple[KeyPath, str]]:
-    """The same as key paths and words."""
+    """The same of the part of a document at `at`, as key paths and words."""
     found = [(_path(document, (*at, *detail["loc"])), detail) for detail in error.errors(include_url=False)]
     beside: tuple[str, ...] = ("plugin",) if at[-1:] == ("follower",) else ()  # its own keys stand beside its name
     if at[:1] == ("scanners",):  # and a scanner's beside its mounting

@@ -68,7 +68,7 @@ def _differences(values: Array, digits: int) -> str:
     return json.dumps([digits, *cells], separators=(",", ":"))
 
 
-def thinned_rows(lines: Sequence[Array], most: int = ROWS) -> NDArray[np.int64]:
+def thinned_rows(lines: Sequence[Array]) -> NDArray[np.int64]:
     """Rows that show the lines, shape (n,) each: of every stretch the lowest and the highest of each, and its first.
 
     Of rows where nothing is known only the first stays, which breaks the lines.
@@ -78,9 +78,9 @@ def thinned_rows(lines: Sequence[Array], most: int = ROWS) -> NDArray[np.int64]:
     for line in lines:
         known |= np.isfinite(line)
     rows = np.flatnonzero(known | np.append(True, known[:-1]))
-    if len(rows) <= most:
+    if len(rows) <= ROWS:
         return rows
-    stretch = -(-len(rows) * (1 + 2 * len(lines)) // most)
+    stretch = -(-len(rows) * (1 + 2 * len(lines)) // ROWS)
     starts = np.arange(0, len(rows), stretch)
     padded = np.append(rows, np.full(len(starts) * stretch - len(rows), count))
     kept = [rows[starts], rows[-1:]]
@@ -92,7 +92,7 @@ def thinned_rows(lines: Sequence[Array], most: int = ROWS) -> NDArray[np.int64]:
         ):
             kept.append(padded[starts + best])
     breaks = np.flatnonzero(~known[rows])
-    return np.unique(np.concatenate([*kept, rows[breaks] if len(breaks) < most else rows[:0]]))
+    return np.unique(np.concatenate([*kept, rows[breaks] if len(breaks) < ROWS else rows[:0]]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -42,13 +42,13 @@ class MappedBuilding:
     """Of processor time, without the simulation."""
 
 
-def niches(width: float, height: float, every: float = 4.0) -> Array:
+def niches(width: float, height: float) -> Array:
     """Along the inside of a box, equal and at equal distances."""
     parts = []
-    for x in np.arange(4, width - 4, every):
+    for x in np.arange(4, width - 4, 4.0):
         parts.append(walls([(x, 0), (x, 0.35), (x + 0.9, 0.35), (x + 0.9, 0)]))
         parts.append(walls([(x, height), (x, height - 0.35), (x + 0.9, height - 0.35), (x + 0.9, height)]))
-    for y in np.arange(4, height - 4, every):
+    for y in np.arange(4, height - 4, 4.0):
         parts.append(walls([(0, y), (0.35, y), (0.35, y + 0.9), (0, y + 0.9)]))
         parts.append(walls([(width, y), (width - 0.35, y), (width - 0.35, y + 0.9), (width, y + 0.9)]))
     return np.concatenate(parts)

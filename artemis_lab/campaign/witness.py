@@ -95,9 +95,9 @@ class Witness:
             )
         )
 
-    def run_alone(self, seconds: float, step: float = 0.002) -> None:
+    def run_alone(self, seconds: float) -> None:
         """The host is gone: let the machine go on by itself for so long [s]."""
-        start = self.time
+        start, step = self.time, 0.002
         for number in range(1, round(seconds / step) + 1):
             now = start + number * step
             self.advance(now)
