@@ -27,18 +27,6 @@ def box(x: float, y: float, width: float, height: float) -> Array:
     return walls([(x, y), (right, y), (right, top), (x, top), (x, y)])
 
 
-OFFICE = np.concatenate(
-    [
-        box(-6, -4, 14, 10),
-        walls([(-6, 2), (-1, 2)], [(1, 2), (5, 2), (5, 6)], [(2, -4), (2, -1.5)], [(4.5, -1), (8, -1)]),
-        box(-3.5, -2.5, 1.2, 0.8),
-        box(5.5, -3.2, 0.7, 0.7),
-        box(-4.8, 3.4, 0.9, 1.3),
-    ]
-)
-"""Two rooms and some furniture."""
-
-
 def seen(world: Array, pose: Array, angles: Array = ANGLES, farthest: float = 30.0) -> Array:
     """Distances to the nearest wall along each beam [m], 0 where there is none, shape (len(angles),)."""
     heading = pose[2] + angles

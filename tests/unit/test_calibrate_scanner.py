@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from office import OFFICE
 from test_map_readings import mounted, robot_with, scan_of, tick
 
 from artemis.calibration.own_parts import own_parts
@@ -17,7 +18,7 @@ from artemis.mapping.se2 import Array, between, compose
 from artemis.values import Tick
 from artemis.yaml_edit import edit
 from artemis.yaml_file import survey
-from artemis_lab.bench.laser_worlds import ANGLES, OFFICE, seen
+from artemis_lab.bench.laser_worlds import ANGLES, seen
 
 ROBOT = Path(__file__).parents[2] / "missions" / "robots" / "artemis_lms100.yaml"
 LOOPS = [(2.0, 0.0), (5.0, 7.8), (2.0, 0.0), (5.0, -7.8)] * 2

@@ -11,6 +11,7 @@ from threading import Event
 
 import numpy as np
 import pytest
+from office import OFFICE
 from test_map_readings import robot_with, scan_of, tick
 
 from artemis.errors import ConfigError
@@ -34,7 +35,7 @@ from artemis.plugins.live_map import LiveMap
 from artemis.plugins.localizers.scan_map import ScanMapLocalizer
 from artemis.run_record import known_map
 from artemis.values import Tick
-from artemis_lab.bench.laser_worlds import OFFICE, SETTINGS, driven, odometry, scan, seen
+from artemis_lab.bench.laser_worlds import SETTINGS, driven, odometry, scan, seen
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 ROUND = driven([(-2, -3), (0, -3), (0, 1), (-5, 1), (-5, -1), (-2, 1.0), (0, 1), (0, -3)], step=0.25)

@@ -9,6 +9,7 @@ from shutil import copy
 import numpy as np
 import pytest
 from map_command import call, refused
+from office import OFFICE
 
 from artemis.commands import map_edit
 from artemis.commands.map_files import write_map
@@ -20,7 +21,7 @@ from artemis.mapping.map_file import read_map
 from artemis.mapping.occupancy import OCCUPIED, occupancy
 from artemis.mapping.se2 import Array, between
 from artemis.route_planning.zones import MapZones
-from artemis_lab.bench.laser_worlds import OFFICE, driven, odometry, seen, walls
+from artemis_lab.bench.laser_worlds import driven, odometry, seen, walls
 
 WAY = driven([(-2, -3), (0, -3), (0, 1), (0, -3), (-2, -3)], 0.25)
 

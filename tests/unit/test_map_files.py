@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from office import OFFICE
 
 from artemis.errors import ConfigError
 from artemis.mapping.graph_file import MapGraph, read_graph
@@ -16,7 +17,7 @@ from artemis.mapping.map_file import map_files, read_map, read_pgm
 from artemis.mapping.mapper import Mapper
 from artemis.mapping.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap, occupancy
 from artemis.whole_files import write_bytes
-from artemis_lab.bench.laser_worlds import OFFICE, SETTINGS, driven, readings
+from artemis_lab.bench.laser_worlds import SETTINGS, driven, readings
 
 YAML = "image: m.pgm\nresolution: 0.1\norigin: [-1, -2, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
 CELLS = np.array([[-1, 0, 100], [0, 0, -1]], np.int8)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from office import OFFICE
 from twin_rooms import APART, STANDS, TWINS
 
 from artemis.commands.map_build import _another
@@ -15,7 +16,7 @@ from artemis.errors import ConfigError
 from artemis.mapping.key_scans import KeyScans
 from artemis.mapping.laser import Reading
 from artemis.mapping.se2 import Array
-from artemis_lab.bench.laser_worlds import OFFICE, SETTINGS, scan
+from artemis_lab.bench.laser_worlds import SETTINGS, scan
 
 ENDED = np.array([2.6, 2.1, 0.0])
 """Where the run before ended, in the left one of two rooms that look alike."""

@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 from core_builders import ROBOT, drives, snapshot
+from office import OFFICE
 
 from artemis.errors import ConfigError
 from artemis.mapping.graph_file import MapGraph, read_graph
@@ -24,7 +25,7 @@ from artemis.mounting import Mounting
 from artemis.scan import Scan
 from artemis.values import Mode, Odometry, Pose, SetPoints, Tick, Wish
 from artemis.vehicle import RobotFile
-from artemis_lab.bench.laser_worlds import ANGLES, OFFICE, SETTINGS, driven, seen
+from artemis_lab.bench.laser_worlds import ANGLES, SETTINGS, driven, seen
 
 PERIOD = 0.02
 

@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from office import OFFICE
 
 from artemis.errors import ConfigError
 from artemis.mapping.carmen import read_carmen
 from artemis.mapping.laser import Reading, surface_points
 from artemis.mapping.mapper import Mapper
 from artemis.mapping.se2 import Array, between, compose
-from artemis_lab.bench.laser_worlds import ANGLES, OFFICE, SETTINGS, box, driven, odometry, readings, scan, seen, walls
+from artemis_lab.bench.laser_worlds import ANGLES, SETTINGS, box, driven, odometry, readings, scan, seen, walls
 
 ROUND = driven([(-2, -3), (0, -3), (0, 1), (-5, 1), (-5, -1), (-2, 1.0), (0, 1), (0, -3), (-2, -3)], step=0.25)
 

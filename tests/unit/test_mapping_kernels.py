@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from office import OFFICE
 
 from artemis.mapping import kernels, kernels_numpy
 from artemis.mapping.likelihood import LikelihoodGrid, turn_step
 from artemis.mapping.se2 import Array, between, compose
-from artemis_lab.bench.laser_worlds import ANGLES, OFFICE, SETTINGS, scan, seen
+from artemis_lab.bench.laser_worlds import ANGLES, SETTINGS, scan, seen
 
 SMALL = 512
 START = np.array([0.0, 0.0, 0.3])

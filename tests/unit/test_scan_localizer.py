@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from office import OFFICE
 from twin_rooms import APART, TWINS, twin_map
 
 from artemis.localisation.scan_localizer import LocalizerSettings, PlaceSearch, ScanLocalizer, ScanPose
@@ -13,7 +14,7 @@ from artemis.localisation.scan_map import ScanMap, surface_of_cells
 from artemis.mapping.key_scans import KeyScans
 from artemis.mapping.occupancy import OCCUPIED, OccupancyMap, occupancy
 from artemis.mapping.se2 import Array, between, compose
-from artemis_lab.bench.laser_worlds import OFFICE, SETTINGS, box, driven, odometry, scan
+from artemis_lab.bench.laser_worlds import SETTINGS, box, driven, odometry, scan
 
 TUNED = LocalizerSettings(matching=replace(SETTINGS, cells=1024, farthest=20.0))
 STANDS = driven([(-2, -3), (1, -3), (1, 1), (3.5, 1), (3.5, 0), (6, 0), (6, 1.2), (1, 1), (-5, 1), (-5, -3)], 0.5)
