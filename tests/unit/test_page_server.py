@@ -213,7 +213,7 @@ def test_certificates_that_it_makes_encrypt_the_page(tmp_path: Path, monkeypatch
     certificate, key = map(str, kept() or ())
     trusted = ssl.create_default_context(cafile=str(authority))
     run = recorded("figure_eight.yaml", 9.0, tmp_path)
-    with page_rig(run, tmp_path(certificate=certificate, key=key)) as rig:
+    with page_rig(run, tmp_path, TlsFiles(certificate=certificate, key=key)) as rig:
         rig.show(50)
         with rig.client(trusted) as client:
             code = rig.pairing().split("#")[1]
