@@ -86,6 +86,8 @@ class Outcome:
     """Of what else finds the angle of the steering, likewise."""
     troubles: tuple[str, ...] = ()
     """What the disk did to the recording."""
+    maps: tuple[str, ...] = ()
+    """Files of the map that was made; and of those that are wanted and were not written, why not."""
 
     @property
     def exit_status(self) -> int:
@@ -166,6 +168,7 @@ class _Run:
                 runner.run(self._main())
                 reason = self.ending.reason if self.failed else ""
                 self.record.outcome = f"failed: {reason}".removesuffix(": ") if self.failed else DONE
+                self.record.in_order = not self.failed and self.attendance.interrupted is None
             troubles = self.record.conclude(self.results)
         return Outcome(
             failed=self.failed,
@@ -177,6 +180,7 @@ class _Run:
             steering=self.results.steering,
             zeros=self.results.zeros,
             troubles=troubles,
+            maps=self.record.maps,
         )
 
     async def _main(self) -> None:

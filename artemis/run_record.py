@@ -83,9 +83,14 @@ class RunRecord:
         self.disk, self.threaded = disk, threaded
         self.outcome = BROKEN
         """How the run ended, in a few words."""
+        self.in_order = False
+        """It ended by itself, neither failed nor interrupted."""
         self.time = 0.0
         """Run time of the last tick [s]."""
+        self.maps: tuple[str, ...] = ()
+        """Files of the map that was made; and of those that are wanted and were not written, why not."""
         self._loaded, self._localizer, self._mission = loaded, localizer, provenance.mission
+        self._resumed = provenance.resume_point
         self._on_map: ShownMap | None = None
         self.folder = create_run_folder(root, mission, provenance.start, provenance.files)
         self.recorder = Recorder(
@@ -124,7 +129,7 @@ class RunRecord:
 
                 mapping = Observation(NAME, live, threaded=self.threaded, patience=None)
                 self._observers.append(mapping)
-                ends.callback(self._close, mapping)
+                ends.callback(self._close_map, mapping, live)
                 shown = live.shown if self._localizer is None else shown
             ours = {observer.name for observer in self._observers}
             ends.enter_context(plugins_watched(asked, ours, self._warn, patient, origin))
@@ -169,7 +174,19 @@ class RunRecord:
             dict.fromkeys(files, wanted.resolution_m),
             lambda text: self.recorder.note(Entry(time=self.time, kind="map", text=text)),
             threaded=self.threaded,
+            refused=self._keeps_map,
         )
+
+    def _keeps_map(self, file: FilePath) -> str:
+        """Why the map is not written to a file beside the one in the run's folder; empty: it is."""
+        if file == self.folder.map:
+            return ""
+        if self._resumed is not None:
+            runs = f"{self.folder.path.with_name(self._resumed.run)} {self.folder.path}"
+            return f"a resumed run maps only its own part; to make one map of both: artemis map build {runs} -o {file}"
+        if not self.in_order and file.exists():
+            return "kept as it was, for the run did not end in order"
+        return ""
 
     def see(self, tick: Tick, traffic: Traffic, now: float) -> None:
         """Record one tick with the frames since the last one, at loop time `now` [s]."""
@@ -216,6 +233,12 @@ class RunRecord:
     def _close(self, observer: Observation) -> None:
         observer.close()
         self.note(observer.take_problems())
+
+    def _close_map(self, observer: Observation, live: LiveMap) -> None:
+        self._close(observer)
+        for problem in live.unmade:
+            self._warn(f"map not written: {problem}")
+        self.maps = (*live.made, *(f"NOT WRITTEN: {problem}" for problem in live.unmade))
 
 
 def files_of(loaded: LoadedMission, source: FilePath) -> dict[str, bytes]:

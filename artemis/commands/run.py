@@ -240,8 +240,8 @@ def _conclude(outcome: Outcome, advice: str, manager: ServiceManager) -> None:
     speed = outcome.duration / outcome.elapsed
     _print("run time", f"{outcome.duration:.1f} s in {outcome.elapsed:.2f} s: {speed:.1f} x real time")
     _print("run folder", str(outcome.run.path))
-    if outcome.run.map.exists():
-        _print("map", str(outcome.run.map))
+    for text in outcome.maps:
+        _print("map", text)
     for trouble in outcome.troubles:
         _print("recording", f"not whole: {trouble}")
     try:

@@ -45,6 +45,7 @@ class LiveMap:
         say: Callable[[str], None],
         *,
         threaded: bool,
+        refused: Callable[[Path], str] = lambda file: "",
     ) -> None:
         """Begin.
 
@@ -53,8 +54,11 @@ class LiveMap:
             outputs: the YAML files to write, each with the side of its cells [m].
             say: is called with what was made.
             threaded: look for loops in a thread of its own.
+            refused: asked at the end why one of them is not to be written; empty: it is.
         """
-        self._readings, self._outputs, self._say = readings, outputs, say
+        self._readings, self._outputs, self._say, self._refused = readings, outputs, say, refused
+        self.made, self.unmade = list[str](), list[str]()
+        """The files that were written, and of the others why not."""
         self._broken: BaseException | None = None
         self._shown: ShownMap | None = None
         self._watched, self._show_waits, self._next, self._station = False, False, 0.0, -1
@@ -82,33 +86,30 @@ class LiveMap:
         return []
 
     def close(self) -> None:
-        """Finish the map and write it.
-
-        Raises:
-            ConfigError: it cannot be written; what can be is.
-        """
+        """Finish the map and write it."""
         self._closing.close()
         if self._broken is not None:
             raise self._broken
-        mapper, problems = self._mapper, list[str]()
+        mapper = self._mapper
         if not mapper.keys:
-            self._say("no map: no scan was seen")
+            self.unmade.append("no scan was seen")
             return
         mapper.finish()
         graph = mapper.result()
         for file, resolution in self._outputs.items():
+            if why := self._refused(file):
+                self.unmade.append(f"{file}: {why}")
+                continue
             try:
-                content = occupancy(mapper.keys, resolution)
-                write_bytes(saved_files(file, content, graph))
+                write_bytes(saved_files(file, occupancy(mapper.keys, resolution), graph))
+                self.made.append(str(file))
             except (ValueError, ConfigError) as error:
-                problems.append(f"{file}: {error}")
+                self.unmade.append(f"{file}: {error}")
         counts = mapper.counts
         self._say(
             f"map: {counts.scans} scans, {counts.unmatched} matched nowhere; {len(mapper.keys)} make it up, with "
-            f"{len(mapper.graph.loops)} loops: {', '.join(map(str, self._outputs))}"
+            f"{len(mapper.graph.loops)} loops: {', '.join(self.made) or 'no file'}"
         )
-        if problems:
-            raise ConfigError(problems)
 
     def shown(self) -> ShownMap | None:
         """The map as it is about now; None: not yet. Who has asked once is shown a new one again and again."""

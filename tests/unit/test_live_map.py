@@ -141,17 +141,20 @@ def test_the_map_that_a_mission_is_localised_on_is_known() -> None:
 
 
 def test_a_run_without_a_scan_makes_no_map(tmp_path: Path) -> None:
-    said: list[str] = []
-    driven_with(live(tmp_path, said, threaded=False), [tick(0.0, np.zeros(3))])
-    assert said == ["no map: no scan was seen"]
+    making = live(tmp_path, [], threaded=False)
+    driven_with(making, [tick(0.0, np.zeros(3))])
+    assert making.unmade == ["no scan was seen"]
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_map_that_cannot_be_written_is_said(tmp_path: Path, ticks: list[Tick]) -> None:
-    with pytest.raises(ConfigError, match="cannot be written"):
-        driven_with(live(tmp_path / "nowhere", [], threaded=False), ticks[:3])
-    with pytest.raises(ConfigError, match="choose larger ones"):
-        driven_with(live(tmp_path, [], threaded=False, resolution=1e-4), ticks[:3])
+    said: list[str] = []
+    for folder, resolution, problem in ((tmp_path / "nowhere", 0.05, "cannot be written"), (tmp_path, 1e-4, "larger")):
+        making = live(folder, said, threaded=False, resolution=resolution)
+        driven_with(making, ticks[:3])
+        assert making.made == []
+        assert [problem in each for each in making.unmade] == [True]
+    assert said[0].endswith(": no file")
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
