@@ -22,6 +22,7 @@ from artemis.route_planning.floor import (
     NEARNESS,
     Field,
     Floor,
+    beyond_edge,
     clearance,
     covered,
     outline_box,
@@ -190,7 +191,9 @@ class _Planning:
         if not self._floor.contains(self._goal):
             return PlannedRoute(detail="the goal lies outside of the map")
         if not self._ground.fits(self._goal):
-            return PlannedRoute(detail="something stands at the goal")
+            beyond = beyond_edge(self._floor, request.robot, self._goal, request.margin)
+            at_edge = beyond and f"the robot cannot stand at the goal: {beyond}"
+            return PlannedRoute(detail=at_edge or "something stands at the goal")
         nearness = 1.0 + NEARNESS * np.maximum(0.0, 1.0 - self._clear / BESIDE)
         slow = np.maximum(1.0, request.speed / self._floor.speed)
         self._cost = (self._floor.factor * nearness * slow).astype(np.float32)

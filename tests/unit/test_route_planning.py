@@ -290,6 +290,32 @@ def test_goals_are_refused_in_walls_and_outside() -> None:
     assert "outside" in str(goal_problem(floor(), ROBOT, Pose(x=7.0, y=1.0), 0.05))
 
 
+@pytest.mark.parametrize(
+    ("goal", "beyond"),
+    [
+        (Pose(x=4.0, y=1.5), False),
+        (Pose(x=4.4, y=1.5), True),
+        (Pose(x=2.5, y=0.2), True),
+        (Pose(x=0.4, y=1.5), False),
+        (Pose(x=0.4, y=1.5, heading=math.pi), True),
+    ],
+)
+def test_a_goal_at_which_the_outline_reaches_beyond_the_map_is_refused_with_this_reason(
+    goal: Pose, beyond: bool
+) -> None:
+    """What lies beyond the edge is nowhere free: neither for the check nor for the planner."""
+    cells = np.zeros((60, 100), np.int8)
+    on = floor_from(OccupancyMap(cells=cells, resolution=CELL, origin=(0.0, 0.0, 0.0)))
+    problem, found = goal_problem(on, ROBOT, goal, 0.05), planned(on, Pose(x=1.5, y=1.5), goal)
+    if beyond:
+        words = "its outline and 5 cm around it reach beyond the edge of the map"
+        assert problem == f"the robot cannot stand there: {words}"
+        assert found.detail == f"the robot cannot stand at the goal: {words}"
+    else:
+        assert problem is None
+        assert found.values
+
+
 def test_masks_keep_what_they_hold_in_cells_of_another_size() -> None:
     fine, rough = np.zeros((20, 20), bool), np.zeros((4, 4), bool)
     fine[7, 13], rough[1, 2] = True, True
