@@ -100,6 +100,28 @@ def test_a_goal_behind_a_wall_is_told_without_a_search() -> None:
     assert found.detail == "no path leads there, however the robot turns"
 
 
+@pytest.mark.parametrize("margin", [0.05, 0.1])
+def test_a_robot_that_stands_in_a_wall_of_the_map_is_told_so(margin: float) -> None:
+    found = planned(floor((0.0, 0.0, 2.0, 3.0)), margin=margin)
+    assert found.values == ()
+    assert found.detail == (
+        "no path leads there, however the robot turns; where the robot stands, the map shows a wall, a keep-out zone, "
+        "or unknown ground: is its pose right?"
+    )
+
+
+def test_a_margin_for_which_no_path_is_wide_enough_is_named() -> None:
+    on = floor((2.0, 0.0, 2.2, 1.0), (2.0, 2.0, 2.2, 3.0))
+    goal = Pose(x=3.4, y=1.5)
+    assert planned(on, goal=goal).values
+    found = planned(on, goal=goal, margin=0.4)
+    assert found.values == ()
+    assert found.detail == (
+        "no path leads there that has room for 40 cm around the robot's outline: "
+        "a smaller `margin_m` of `obstacles` may help"
+    )
+
+
 def test_a_goal_that_is_hard_to_get_into_is_sought_from_there() -> None:
     """By a search from the start alone it is hardly found."""
     cells = small_plan("clutter", 113).content.cells
