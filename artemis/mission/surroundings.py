@@ -118,6 +118,12 @@ class SurroundingsChecks(StepChecks):
         """The scanner that makes a map, and the name of its file."""
         from artemis.mission.schema import Mapping
 
+        if self._data["mapping"] is None:
+            text = (
+                "expected a mapping, found nothing, so no map would be made: write `mapping: {}`, or leave the key out"
+            )
+            self._complain(("mapping",), text)
+            return
         mapping = self._part(Mapping, "mapping")
         if mapping is None or robot is None:
             return
