@@ -175,6 +175,7 @@ def test_a_world_that_cannot_be_is_refused_with_its_place(
         ("resolution_deg: 0.5", "resolution_deg: 0.25", "scanners.front: resolution_deg: 0.25 needs frequency_hz: 25"),
         ("host: 192.168.0.1", "hots: 192.168.0.1", "scanners.front.host: this key is missing"),
         ("host: 192.168.0.1", "host: a\n    upside_dwon: true", "unknown key; did you mean upside_down?"),
+        ("host: 192.168.0.1", "host: a b", "scanners.front.host: expected a name or an address without blanks"),
     ],
 )
 def test_keys_of_a_scanner_are_checked_in_the_robot_file(tmp_path: Path, line: str, instead: str, problem: str) -> None:
@@ -185,6 +186,26 @@ def test_keys_of_a_scanner_are_checked_in_the_robot_file(tmp_path: Path, line: s
     with pytest.raises(ConfigError) as refused:
         load_mission(mission)
     assert f"{tmp_path / 'artemis.yaml'}:" in str(refused.value)
+    assert problem in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("host", "is_same"), [("192.168.0.1", True), ("192.168.0.2", False), ("192.168.0.1\n    port: 2112", False)]
+)
+def test_two_scanners_cannot_be_one_device(tmp_path: Path, host: str, is_same: bool) -> None:
+    mission = write_mission(tmp_path, STEPS)
+    text = (MISSIONS / "robots" / "artemis_lms100.yaml").read_text()
+    front = text[text.index("  front:") :]
+    assert front.count("host: 192.168.0.1") == 1
+    rear = front.replace("front:", "rear:", 1).replace("host: 192.168.0.1", f"host: {host}")
+    (tmp_path / "artemis.yaml").write_text(f"{text.rstrip()}\n{rear}")
+    if not is_same:
+        load_mission(mission)
+        return
+    with pytest.raises(ConfigError) as refused:
+        load_mission(mission)
+    assert f"{tmp_path / 'artemis.yaml'}:" in str(refused.value)
+    problem = "scanners.rear: 192.168.0.1:2111 is the address of front, too: each scanner has its own"
     assert problem in str(refused.value)
 
 
