@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import pairwise
 from math import cos, pi, radians, sin
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
-from artemis.config import Config, Quantity
+from artemis.config import Config, Inconsistent, Quantity
 from artemis.sim.grid import MapGrid
 
 Floats = NDArray[np.float64]
@@ -33,6 +33,13 @@ class Obstacle(Config):
     """It is there from this run time on."""
     until_s: Moment | None = None
     """It is gone from then on."""
+
+    @model_validator(mode="after")
+    def _there(self) -> Self:
+        if self.until_s is not None and self.until_s <= self.from_s:
+            text = f"expected more than from_s ({self.from_s:g} s), found {self.until_s:g} s: it would never be there"
+            raise Inconsistent([(("until_s",), text)])
+        return self
 
 
 class Wall(Obstacle):

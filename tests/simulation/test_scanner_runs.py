@@ -146,6 +146,14 @@ def test_a_map_and_a_stand_in(tmp_path: Path) -> None:
         ({"walls": [{"points": [[0, 0]]}]}, "simulation.world.walls[0].points: expected a list of at least 2"),
         ({"wals": []}, "simulation.world.wals: unknown key; did you mean walls?"),
         ({"poles": [{"x_m": 1, "y_m": 0, "diameter_m": -0.1}]}, "leave the minus sign out"),
+        (
+            {"poles": [{"x_m": 3, "y_m": 0, "diameter_m": 0.3, "from_s": 5, "until_s": 3}]},
+            "simulation.world.poles[0].until_s: expected more than from_s (5 s), found 3 s",
+        ),
+        (
+            {"walls": [{"points": [[0, 1], [2, 1]], "until_s": 0}]},
+            "simulation.world.walls[0].until_s: expected more than from_s (0 s), found 0 s",
+        ),
         ({"persons": [{"path": [[2, 0, 0], [1, 0, 0]]}]}, "expected times that grow from place to place"),
         ({"map_file": "nowhere.yaml"}, "simulation.world.map_file: file not found: nowhere.yaml"),
         ({"map_file": "line.csv"}, "line.csv"),
