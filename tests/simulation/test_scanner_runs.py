@@ -177,6 +177,37 @@ def test_a_world_that_cannot_be_is_refused_with_its_place(
 
 
 @pytest.mark.parametrize(
+    ("world", "expected"),
+    [
+        (
+            {"walls": [{"points": [["a", 1], [3, 1]]}]},
+            ["walls[0].points[0][0]: expected a number, found 'a'"],
+        ),
+        (
+            {"persons": [{"path": [[0, 5], [3, 5, 0, 1]]}]},
+            [
+                "persons[0].path[0]: expected [run time, x, y], found a list of 2",
+                "persons[0].path[1]: expected [run time, x, y], found a list of 4",
+            ],
+        ),
+        ({"walls": [{"points": [[0], [3, 1]]}]}, ["walls[0].points[0]: expected [x, y], found a list of 1"]),
+        (
+            {"walls": [{"points": [["a", 1]]}]},
+            [
+                "walls[0].points: expected a list of at least 2, found a list of 1",
+                "walls[0].points[0][0]: expected a number, found 'a'",
+            ],
+        ),
+    ],
+)
+def test_what_is_wrong_in_a_list_is_told_once(tmp_path: Path, world: dict[str, object], expected: list[str]) -> None:
+    """Not also that the list is too short, for what is wrong in it counts, too."""
+    with pytest.raises(ConfigError) as refused:
+        load_mission(write_mission(tmp_path, STEPS, robot="artemis_lms100.yaml", simulation={"world": world}))
+    assert [problem.partition(" simulation.world.")[2] for problem in refused.value.problems] == expected
+
+
+@pytest.mark.parametrize(
     ("line", "instead", "problem"),
     [
         ("plugin: lms1xx", "plugin: lms1x", "scanners.front.plugin: artemis.scanners: no plugin 'lms1x'"),
