@@ -109,7 +109,7 @@ def placed(
         beside = tuple(Mounting.model_fields)
     problems: list[tuple[KeyPath, str]] = []
     for path, detail in found:
-        if _follows_from_damage(document, path, detail["type"]):
+        if _follows_from_damage(document, path, detail["type"]) or _is_long_enough(detail):
             continue
         reason = detail.get("ctx", {}).get("error")
         if isinstance(reason, Inconsistent):
@@ -126,6 +126,11 @@ def _follows_from_damage(document: Document, path: KeyPath, kind: str) -> bool:
     if kind == "value_error":  # of a whole mapping: any part of it may be the cause
         return any(damaged[: len(path)] == path for damaged in document.damaged)
     return path in document.damaged
+
+
+def _is_long_enough(detail: ErrorDetails) -> bool:
+    """Whether a list is called too short only because what is wrong in it, which is told, does not count."""
+    return detail["type"] == "too_short" and len(detail["input"]) >= detail["ctx"]["min_length"]
 
 
 def _path(document: Document, location: KeyPath) -> KeyPath:

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 from artemis.errors import ConfigError
 from artemis.mission.problems import nearest
 from artemis.mission.step_checks import StepChecks
-from artemis.plugins.stated import field_of, least_range_of
+from artemis.plugins.stated import address_of, field_of, least_range_of
 from artemis.route_planning.zones import NO_MAP, zones_file
 from artemis.route_planning.zones import SUFFIX as ZONES
 from artemis.states.outcomes import NO_BATTERY
-from artemis.yaml_file import KeyPath, dotted, read, survey
+from artemis.yaml_file import Document, KeyPath, dotted, read, survey
 
 if TYPE_CHECKING:
     from artemis.sim.grid import MapGrid
@@ -41,6 +41,7 @@ class SurroundingsChecks(StepChecks):
         """The keys of the scanners' plugins in the robot file, and their stand-ins."""
         from artemis.plugins.registry import SCANNERS, load
 
+        owner: dict[tuple[str, str], str] = {}
         for name, mounting in robot.scanners.items() if robot is not None else ():
             for kind in ("inputs", "observers"):
                 if name in self._names(kind):
@@ -51,7 +52,9 @@ class SurroundingsChecks(StepChecks):
             except ConfigError as error:
                 self._problems += [document.problem((*at, "plugin"), problem) for problem in error.problems]
             else:
-                self._validated(plugin.Config, document, at, mounting.options)
+                config = self._validated(plugin.Config, document, at, mounting.options)
+                if (address := address_of(config)) is not None:
+                    self._check_address(document, at, owner.setdefault((mounting.plugin, address), name), address)
                 if mounting.least_range_m < (least := least_range_of(plugin)):
                     text = f"{mounting.plugin} measures nothing nearer than {least:g} m; expected at least that"
                     self._problems.append(document.problem((*at, "least_range_m"), text))
@@ -62,6 +65,12 @@ class SurroundingsChecks(StepChecks):
                 if robot is not None and name not in robot.scanners:
                     hint = nearest(name, robot.scanners, "scanners")
                     self._complain((*part, name), f"the robot has no such scanner{hint}")
+
+    def _check_address(self, document: Document, at: KeyPath, owner: str, address: str) -> None:
+        """That a scanner at `at` is the first one with this address."""
+        if owner != at[-1]:
+            text = f"{address} is the address of {owner}, too: each scanner has its own"
+            self._problems.append(document.problem(at, text))
 
     def _check_view(self, robot: RobotFile | None) -> None:
         """That a robot that is to stop for obstacles can see them."""
@@ -118,6 +127,12 @@ class SurroundingsChecks(StepChecks):
         """The scanner that makes a map, and the name of its file."""
         from artemis.mission.schema import Mapping
 
+        if self._data["mapping"] is None:
+            text = (
+                "expected a mapping, found nothing, so no map would be made: write `mapping: {}`, or leave the key out"
+            )
+            self._complain(("mapping",), text)
+            return
         mapping = self._part(Mapping, "mapping")
         if mapping is None or robot is None:
             return

@@ -124,6 +124,18 @@ def least_range_of(plugin: object) -> float:
     return plugin.least_range_m if isinstance(plugin, StatesLeastRange) else 0.0
 
 
+@runtime_checkable
+class NamesAddress(Protocol):
+    """Keys of a scanner that name the address of its device, which no other scanner of the same plugin has."""
+
+    address: str
+
+
+def address_of(config: object) -> str | None:
+    """The address of a scanner with these keys; None: they name none."""
+    return config.address if isinstance(config, NamesAddress) else None
+
+
 def _number(config: object, speed: object) -> float | None:
     if speed is None or (isinstance(speed, int | float) and not isinstance(speed, bool)):
         return speed

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,7 +47,12 @@ class Chart:
     @property
     def known(self) -> bool:
         """There is something to draw."""
-        return any(bool(np.isfinite(line.values).any()) for line in self.lines)
+        return bool(self.drawn)
+
+    @property
+    def drawn(self) -> tuple[ChartLine, ...]:
+        """Lines of which something is known."""
+        return tuple(line for line in self.lines if np.isfinite(line.values).any())
 
 
 def _cross_track(run: Series) -> Iterator[Chart]:
@@ -164,5 +169,8 @@ SECTIONS: tuple[tuple[str, str, Callable[[Series], Iterator[Chart]]], ...] = (
 
 
 def charts_of(run: Series) -> dict[str, list[Chart]]:
-    """Those that have something to show, by the title of their section."""
-    return {title: [chart for chart in charts(run) if chart.known] for title, _, charts in SECTIONS}
+    """Those that have something to show, with the lines that have, by the title of their section."""
+    return {
+        title: [replace(chart, lines=chart.drawn) for chart in charts(run) if chart.known]
+        for title, _, charts in SECTIONS
+    }

@@ -98,7 +98,8 @@ class PathMap:
         known = run.estimated[np.isfinite(run.estimated[:, 0])]
         if not len(known):
             return
-        yield self._mark(PLACE, known[0], "start", f"{name}start")
+        found = run.estimated[np.isfinite(run.std)] if run.source != "odometry" else known
+        yield self._mark(PLACE, (found if len(found) else known)[0], "start", f"{name}start")
         yield self._mark("M-6-6H6V6H-6z", known[-1] * (1, 1, 0), "end", f"{name}end")
         times = [entry.time for entry in run.entries if entry.kind == "fault"]
         rows = np.unique(np.searchsorted(run.time, times).clip(0, len(run.time) - 1))

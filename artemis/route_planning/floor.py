@@ -199,12 +199,24 @@ def goal_problem(floor: Floor, robot: RobotFile, goal: Pose, margin: float) -> s
     pose = floor.local(goal)
     if not floor.contains(pose):
         return "it lies outside of the map"
-    if not covered(floor.occupied, pose, outline_box(robot, margin + SPARE)).any():
+    if covered(floor.occupied, pose, outline_box(robot, margin + SPARE)).any():
+        return (
+            "the robot cannot stand there: within its outline and "
+            f"{100 * margin:.0f} cm is a wall, a keep-out zone, or unknown ground"
+        )
+    beyond = beyond_edge(floor, robot, pose, margin)
+    return beyond and f"the robot cannot stand there: {beyond}"
+
+
+def beyond_edge(floor: Floor, robot: RobotFile, pose: Array, margin: float) -> str | None:
+    """That the outline at a pose of the floor, with a margin [m], reaches beyond the map, in words; None: it does not.
+
+    What lies beyond the edge counts as occupied, as of `clearance`.
+    """
+    edge = np.pad(np.zeros(floor.occupied.shape, bool), 1, constant_values=True)
+    if not covered(edge, pose + np.array([CELL, CELL, 0.0]), outline_box(robot, margin + SPARE)).any():
         return None
-    return (
-        "the robot cannot stand there: within its outline and "
-        f"{100 * margin:.0f} cm is a wall, a keep-out zone, or unknown ground"
-    )
+    return f"its outline and {100 * margin:.0f} cm around it reach beyond the edge of the map"
 
 
 def outline_box(robot: RobotFile, margin: float) -> Array:

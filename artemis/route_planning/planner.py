@@ -22,6 +22,7 @@ from artemis.route_planning.floor import (
     NEARNESS,
     Field,
     Floor,
+    beyond_edge,
     clearance,
     covered,
     outline_box,
@@ -190,7 +191,9 @@ class _Planning:
         if not self._floor.contains(self._goal):
             return PlannedRoute(detail="the goal lies outside of the map")
         if not self._ground.fits(self._goal):
-            return PlannedRoute(detail="something stands at the goal")
+            beyond = beyond_edge(self._floor, request.robot, self._goal, request.margin)
+            at_edge = beyond and f"the robot cannot stand at the goal: {beyond}"
+            return PlannedRoute(detail=at_edge or "something stands at the goal")
         nearness = 1.0 + NEARNESS * np.maximum(0.0, 1.0 - self._clear / BESIDE)
         slow = np.maximum(1.0, request.speed / self._floor.speed)
         self._cost = (self._floor.factor * nearness * slow).astype(np.float32)
@@ -198,13 +201,33 @@ class _Planning:
         found = self._from(self._start, to_go, [])
         if found is None and (back := self._back()):
             found = self._from(self._floor.local(back[-1]), to_go, back)
-        return found or PlannedRoute(detail=self._reasons[-1], expanded=self._expanded)
+        return found or PlannedRoute(detail=self._reasons[-1] + self._wrong_start(), expanded=self._expanded)
 
-    def _cost_to_go(self, clear: Field, pose: Array) -> Field:
-        """As of `cost_to_go`, to a pose of the floor; where the outline has to be narrow, it costs as much more."""
+    def _wrong_start(self) -> str:
+        """What is said besides if the robot stands where the map shows something."""
+        if not covered(self._floor.occupied, self._start, outline_box(self._request.robot, 0.0), reach=0.0).any():
+            return ""
+        shown = "a wall, a keep-out zone, or unknown ground"
+        return f"; where the robot stands, the map shows {shown}: is its pose right?"
+
+    def _no_path(self, row: int, column: int) -> str:
+        """Why the goal cannot be reached from a cell; the margin, if a robot with the usual one could get there."""
+        margin = self._request.margin
+        if margin > MARGIN and not self._wrong_start():
+            to_go = self._cost_to_go(self._ground.begun, self._goal, self._least - margin + MARGIN)
+            if to_go[row, column] <= UNREACHABLE:
+                room = f"{100 * margin:.0f} cm around the robot's outline"
+                return f"no path leads there that has room for {room}: a smaller `margin_m` of `obstacles` may help"
+        return "no path leads there, however the robot turns"
+
+    def _cost_to_go(self, clear: Field, pose: Array, least: float | None = None) -> Field:
+        """As of `cost_to_go`, to a pose of the floor; where the outline has to be narrow, it costs as much more.
+
+        `least`: radius [m]; None: that of the outline with the margin.
+        """
         narrow = clear < self._wide[2] - 2.0 * CELL
         cost = np.where(narrow, np.float32(NARROW) * self._cost, self._cost)
-        return cost_to_go(clear, cost, *self._cell_ahead(pose), CELL, self._least)
+        return cost_to_go(clear, cost, *self._cell_ahead(pose), CELL, self._least if least is None else least)
 
     def _from(self, start: Array, to_go: Field, back: Sequence[Pose]) -> PlannedRoute | None:
         """A route from a pose, after driving back to it."""
@@ -214,7 +237,7 @@ class _Planning:
             self._reasons.append("the robot is outside of the map")
             return None
         if to_go[row, column] > UNREACHABLE:
-            self._reasons.append("no path leads there, however the robot turns")
+            self._reasons.append(self._no_path(row, column))
             return None
         begun, first_box = (self._clear, self._box) if back else (self._ground.begun, self._ground.first_box)
         over_known, from_start = not back and self._over_known, None

@@ -5,21 +5,33 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import pairwise
 from math import cos, pi, radians, sin
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, field_validator
+from pydantic import BeforeValidator, Field, field_validator, model_validator
 
-from artemis.config import Config, Quantity
+from artemis.config import Config, Inconsistent, Quantity
 from artemis.sim.grid import MapGrid
+
+
+def _numbers(*names: str) -> BeforeValidator:
+    """Refuses a list of more or less than these numbers by their names."""
+
+    def check(value: object) -> object:
+        if isinstance(value, list | tuple) and len(value) != len(names):
+            raise ValueError(f"expected [{', '.join(names)}], found a list of {len(value)}")
+        return value
+
+    return BeforeValidator(check)
+
 
 Floats = NDArray[np.float64]
 Place = Annotated[float, Quantity(0.0, 10_000.0, "m", signed=True)]
 Size = Annotated[float, Quantity(0.001, 100.0, "m")]
-Point = Annotated[tuple[Place, Place], Field(strict=False)]
+Point = Annotated[tuple[Place, Place], Field(strict=False), _numbers("x", "y")]
 Moment = Annotated[float, Field(ge=0)]
-Waypoint = Annotated[tuple[Moment, Place, Place], Field(strict=False)]
+Waypoint = Annotated[tuple[Moment, Place, Place], Field(strict=False), _numbers("run time", "x", "y")]
 Surface = Literal["plain", "dark", "shiny"]
 SURFACES: tuple[Surface, ...] = ("plain", "dark", "shiny")
 
@@ -33,6 +45,13 @@ class Obstacle(Config):
     """It is there from this run time on."""
     until_s: Moment | None = None
     """It is gone from then on."""
+
+    @model_validator(mode="after")
+    def _there(self) -> Self:
+        if self.until_s is not None and self.until_s <= self.from_s:
+            text = f"expected more than from_s ({self.from_s:g} s), found {self.until_s:g} s: it would never be there"
+            raise Inconsistent([(("until_s",), text)])
+        return self
 
 
 class Wall(Obstacle):

@@ -146,6 +146,14 @@ def test_a_map_and_a_stand_in(tmp_path: Path) -> None:
         ({"walls": [{"points": [[0, 0]]}]}, "simulation.world.walls[0].points: expected a list of at least 2"),
         ({"wals": []}, "simulation.world.wals: unknown key; did you mean walls?"),
         ({"poles": [{"x_m": 1, "y_m": 0, "diameter_m": -0.1}]}, "leave the minus sign out"),
+        (
+            {"poles": [{"x_m": 3, "y_m": 0, "diameter_m": 0.3, "from_s": 5, "until_s": 3}]},
+            "simulation.world.poles[0].until_s: expected more than from_s (5 s), found 3 s",
+        ),
+        (
+            {"walls": [{"points": [[0, 1], [2, 1]], "until_s": 0}]},
+            "simulation.world.walls[0].until_s: expected more than from_s (0 s), found 0 s",
+        ),
         ({"persons": [{"path": [[2, 0, 0], [1, 0, 0]]}]}, "expected times that grow from place to place"),
         ({"map_file": "nowhere.yaml"}, "simulation.world.map_file: file not found: nowhere.yaml"),
         ({"map_file": "line.csv"}, "line.csv"),
@@ -169,12 +177,44 @@ def test_a_world_that_cannot_be_is_refused_with_its_place(
 
 
 @pytest.mark.parametrize(
+    ("world", "expected"),
+    [
+        (
+            {"walls": [{"points": [["a", 1], [3, 1]]}]},
+            ["walls[0].points[0][0]: expected a number, found 'a'"],
+        ),
+        (
+            {"persons": [{"path": [[0, 5], [3, 5, 0, 1]]}]},
+            [
+                "persons[0].path[0]: expected [run time, x, y], found a list of 2",
+                "persons[0].path[1]: expected [run time, x, y], found a list of 4",
+            ],
+        ),
+        ({"walls": [{"points": [[0], [3, 1]]}]}, ["walls[0].points[0]: expected [x, y], found a list of 1"]),
+        (
+            {"walls": [{"points": [["a", 1]]}]},
+            [
+                "walls[0].points: expected a list of at least 2, found a list of 1",
+                "walls[0].points[0][0]: expected a number, found 'a'",
+            ],
+        ),
+    ],
+)
+def test_what_is_wrong_in_a_list_is_told_once(tmp_path: Path, world: dict[str, object], expected: list[str]) -> None:
+    """Not also that the list is too short, for what is wrong in it counts, too."""
+    with pytest.raises(ConfigError) as refused:
+        load_mission(write_mission(tmp_path, STEPS, robot="artemis_lms100.yaml", simulation={"world": world}))
+    assert [problem.partition(" simulation.world.")[2] for problem in refused.value.problems] == expected
+
+
+@pytest.mark.parametrize(
     ("line", "instead", "problem"),
     [
         ("plugin: lms1xx", "plugin: lms1x", "scanners.front.plugin: artemis.scanners: no plugin 'lms1x'"),
         ("resolution_deg: 0.5", "resolution_deg: 0.25", "scanners.front: resolution_deg: 0.25 needs frequency_hz: 25"),
         ("host: 192.168.0.1", "hots: 192.168.0.1", "scanners.front.host: this key is missing"),
         ("host: 192.168.0.1", "host: a\n    upside_dwon: true", "unknown key; did you mean upside_down?"),
+        ("host: 192.168.0.1", "host: a b", "scanners.front.host: expected a name or an address without blanks"),
     ],
 )
 def test_keys_of_a_scanner_are_checked_in_the_robot_file(tmp_path: Path, line: str, instead: str, problem: str) -> None:
@@ -185,6 +225,26 @@ def test_keys_of_a_scanner_are_checked_in_the_robot_file(tmp_path: Path, line: s
     with pytest.raises(ConfigError) as refused:
         load_mission(mission)
     assert f"{tmp_path / 'artemis.yaml'}:" in str(refused.value)
+    assert problem in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("host", "is_same"), [("192.168.0.1", True), ("192.168.0.2", False), ("192.168.0.1\n    port: 2112", False)]
+)
+def test_two_scanners_cannot_be_one_device(tmp_path: Path, host: str, is_same: bool) -> None:
+    mission = write_mission(tmp_path, STEPS)
+    text = (MISSIONS / "robots" / "artemis_lms100.yaml").read_text()
+    front = text[text.index("  front:") :]
+    assert front.count("host: 192.168.0.1") == 1
+    rear = front.replace("front:", "rear:", 1).replace("host: 192.168.0.1", f"host: {host}")
+    (tmp_path / "artemis.yaml").write_text(f"{text.rstrip()}\n{rear}")
+    if not is_same:
+        load_mission(mission)
+        return
+    with pytest.raises(ConfigError) as refused:
+        load_mission(mission)
+    assert f"{tmp_path / 'artemis.yaml'}:" in str(refused.value)
+    problem = "scanners.rear: 192.168.0.1:2111 is the address of front, too: each scanner has its own"
     assert problem in str(refused.value)
 
 

@@ -248,6 +248,7 @@ def test_what_takes_long_the_first_time_is_known_before_the_robot_is_touched() -
         ("{file: hall.zones.yaml}", "mapping.file: hall.zones.yaml: a map's zones and places have such a name"),
         ("{resolution_m: 7}", "mapping.resolution_m"),
         ("{colour: red}", "mapping.colour: unknown key"),
+        ("", "mapping: expected a mapping, found nothing, so no map would be made: write `mapping: {}`"),
     ],
 )
 def test_a_map_that_cannot_be_made_is_refused_before_anything_moves(tmp_path: Path, keys: str, problem: str) -> None:

@@ -50,6 +50,17 @@ def test_a_line_is_broken_where_the_pose_was_corrected(run: Series) -> None:
     assert pieces == [1, 2]
 
 
+def test_a_run_with_a_localizer_starts_where_that_first_found_it(run: Series) -> None:
+    """Before, its pose is that of the odometry, from the origin."""
+    std, moved = np.full(len(run.time), 0.01), run.estimated.copy()
+    std[:5] = np.nan
+    moved[5:, :2] += (1.0, 1.5)
+    for source, first in (("tracker", 5), ("odometry", 0)):
+        found = drawn(replace(run, estimated=moved, std=std, source=source))
+        ((x, y),) = re.findall(r'class="start" transform="translate\(([-\d.]+) ([-\d.]+)\)', found.svg)
+        assert (float(x), float(y)) == pytest.approx(tuple(found.places()[0][first, 1:3]), abs=0.06)
+
+
 def test_cells_of_a_map_lie_where_they_are(run: Series) -> None:
     cells = np.zeros((3, 4), dtype=np.int8)
     cells[0, 3], cells[2, 0], cells[1] = 100, 50, -1  # row 0 has the lowest y

@@ -124,6 +124,15 @@ def test_a_page_without_scripts_says_what_is_missing(tmp_path: Path) -> None:
     assert "The charts below are drawn by JavaScript" in page.text
 
 
+def test_a_line_of_which_nothing_is_known_is_not_in_the_legend(tmp_path: Path) -> None:
+    run = read_series(Recording(synthetic_run.record(tmp_path / "recording.mcap", synthetic_run.run(hz=10.0))))
+    untold = dataclasses.replace(run, true_cross_track=np.full(len(run.time), np.nan))
+
+    for each, expected in ((run, ["true", "by odometry"]), (untold, ["by odometry"])):
+        charts = charts_of(each)["Cross-track error"]
+        assert [[line.name for line in chart.lines] for chart in charts] == [expected, expected]
+
+
 def test_charts_hold_what_was_recorded(tmp_path: Path) -> None:
     path = synthetic_run.record(tmp_path / "recording.mcap", synthetic_run.run(hz=10.0, fault_at=9.0))
     run = read_series(Recording(path))

@@ -100,6 +100,28 @@ def test_a_goal_behind_a_wall_is_told_without_a_search() -> None:
     assert found.detail == "no path leads there, however the robot turns"
 
 
+@pytest.mark.parametrize("margin", [0.05, 0.1])
+def test_a_robot_that_stands_in_a_wall_of_the_map_is_told_so(margin: float) -> None:
+    found = planned(floor((0.0, 0.0, 2.0, 3.0)), margin=margin)
+    assert found.values == ()
+    assert found.detail == (
+        "no path leads there, however the robot turns; where the robot stands, the map shows a wall, a keep-out zone, "
+        "or unknown ground: is its pose right?"
+    )
+
+
+def test_a_margin_for_which_no_path_is_wide_enough_is_named() -> None:
+    on = floor((2.0, 0.0, 2.2, 1.0), (2.0, 2.0, 2.2, 3.0))
+    goal = Pose(x=3.4, y=1.5)
+    assert planned(on, goal=goal).values
+    found = planned(on, goal=goal, margin=0.4)
+    assert found.values == ()
+    assert found.detail == (
+        "no path leads there that has room for 40 cm around the robot's outline: "
+        "a smaller `margin_m` of `obstacles` may help"
+    )
+
+
 def test_a_goal_that_is_hard_to_get_into_is_sought_from_there() -> None:
     """By a search from the start alone it is hardly found."""
     cells = small_plan("clutter", 113).content.cells
@@ -288,6 +310,32 @@ def test_goals_are_refused_in_walls_and_outside() -> None:
     assert goal_problem(floor(), ROBOT, GOAL, 0.05) is None
     assert "cannot stand there" in str(goal_problem(floor(), ROBOT, Pose(x=4.6, y=1.0), 0.05))
     assert "outside" in str(goal_problem(floor(), ROBOT, Pose(x=7.0, y=1.0), 0.05))
+
+
+@pytest.mark.parametrize(
+    ("goal", "beyond"),
+    [
+        (Pose(x=4.0, y=1.5), False),
+        (Pose(x=4.4, y=1.5), True),
+        (Pose(x=2.5, y=0.2), True),
+        (Pose(x=0.4, y=1.5), False),
+        (Pose(x=0.4, y=1.5, heading=math.pi), True),
+    ],
+)
+def test_a_goal_at_which_the_outline_reaches_beyond_the_map_is_refused_with_this_reason(
+    goal: Pose, beyond: bool
+) -> None:
+    """What lies beyond the edge is nowhere free: neither for the check nor for the planner."""
+    cells = np.zeros((60, 100), np.int8)
+    on = floor_from(OccupancyMap(cells=cells, resolution=CELL, origin=(0.0, 0.0, 0.0)))
+    problem, found = goal_problem(on, ROBOT, goal, 0.05), planned(on, Pose(x=1.5, y=1.5), goal)
+    if beyond:
+        words = "its outline and 5 cm around it reach beyond the edge of the map"
+        assert problem == f"the robot cannot stand there: {words}"
+        assert found.detail == f"the robot cannot stand at the goal: {words}"
+    else:
+        assert problem is None
+        assert found.values
 
 
 def test_masks_keep_what_they_hold_in_cells_of_another_size() -> None:

@@ -105,10 +105,19 @@ def test_what_cannot_be_is_refused_before_the_run(given: dict[str, Any], options
         made(context(**given), **options)
 
 
-@pytest.mark.parametrize("start", ["here", {"x_m": 1.0}, {**START, "z_m": 0.0}])
-def test_a_wrong_start_is_refused(start: object) -> None:
-    with pytest.raises(ValidationError):
+@pytest.mark.parametrize(
+    ("start", "problems"),
+    [
+        ("here", [("<word>", "literal_error")]),
+        (7, [("<word>", "literal_error")]),
+        ({"x_m": 1.0}, [("y_m", "missing"), ("heading_deg", "missing")]),
+        ({**START, "z_m": 0.0}, [("z_m", "extra_forbidden")]),
+    ],
+)
+def test_a_wrong_start_is_refused_as_what_it_was_meant_to_be(start: object, problems: list[tuple[str, str]]) -> None:
+    with pytest.raises(ValidationError) as refused:
         ScanMapConfig.model_validate({"map": "m.yaml", "start": start})
+    assert [(each["loc"][-1], each["type"]) for each in refused.value.errors()] == problems
 
 
 def test_the_last_pose_is_a_hint_where_the_mission_wants_it_and_where_it_resumes() -> None:

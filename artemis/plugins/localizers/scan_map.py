@@ -13,7 +13,7 @@ from pathlib import Path as FilePath
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import Discriminator, Field, Tag
 
 from artemis.config import Config
 from artemis.errors import ConfigError, similar
@@ -52,7 +52,10 @@ class ScanMapConfig(Config):
     """The YAML file of a map, as `artemis map build` writes it."""
     scanner: str | None = None
     """Its name in the robot file; None: there is only one."""
-    start: StartPose | Literal["global", "last"] = "global"
+    start: Annotated[
+        Annotated[StartPose, Tag("<pose>")] | Annotated[Literal["global", "last"], Tag("<word>")],
+        Discriminator(lambda given: "<pose>" if isinstance(given, dict | StartPose) else "<word>"),
+    ] = "global"
     """Where the robot begins; anywhere; or where the last run of this mission ended, if none has driven it since."""
     start_std_m: Annotated[float, Field(gt=0, le=2)] = 0.3
     """Standard deviation of x and y there, also of `last`."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from artemis.config import Config
 from artemis.devices import tcp
@@ -24,6 +24,18 @@ class Lms1xxConfig(Config):
     """Turns per second."""
     resolution_deg: float = 0.5
     """From beam to beam: 0.5, or 0.25 with 25 turns per second."""
+
+    @property
+    def address(self) -> str:
+        """Host and port: no other scanner has them."""
+        return f"{self.host}:{self.port}".lower()
+
+    @field_validator("host")
+    @classmethod
+    def _one_word(cls, host: str) -> str:
+        if host.split() != [host]:
+            raise ValueError("expected a name or an address without blanks")
+        return host
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
