@@ -208,17 +208,29 @@ def read_pgm(raw: bytes, source: str) -> NDArray[np.uint8]:
     if words[0] == b"P5":
         values = np.frombuffer(raw, np.uint8, offset=min(position + 1, len(raw)))[: rows * columns]
     else:
-        try:
-            numbers = re.sub(rb"#[^\n]*", b"", raw[position:]).split()[: rows * columns]
-            values = np.array(numbers, np.int64)
-        except ValueError:
-            raise ConfigError(f"{source}:{_line(raw, position)}: pixels that are no numbers follow") from None
+        values = _numbers(raw, position, source, rows * columns, most)
     if len(values) < rows * columns:
         raise ConfigError(f"{source}: cut off: {len(values)} of {rows * columns} pixels")
-    if int(values.max()) > most or int(values.min()) < 0:
-        raise ConfigError(f"{source}: a pixel of {int(values.max())}; the header says up to {most}")
+    if int(values.max()) > most:
+        raise _no_grey(source, int(values[values > most][0]), most)
     scaled = values.astype(np.int64) * 255 // most if most < 255 else values
     return scaled.astype(np.uint8).reshape(rows, columns)
+
+
+def _numbers(raw: bytes, position: int, source: str, count: int, most: int) -> NDArray[np.uint8]:
+    """The pixels of an image as text, `count` of them at most."""
+    try:
+        numbers = [int(word) for word in re.sub(rb"#[^\n]*", b"", raw[position:]).split()[:count]]
+    except ValueError:
+        raise ConfigError(f"{source}:{_line(raw, position)}: pixels that are no numbers follow") from None
+    for number in numbers:
+        if not 0 <= number <= most:
+            raise _no_grey(source, number, most)
+    return np.array(numbers, np.uint8)
+
+
+def _no_grey(source: str, value: int, most: int) -> ConfigError:
+    return ConfigError(f"{source}: a pixel of {shown(value)}; the header says 0 to {most}")
 
 
 def _line(raw: bytes, position: int) -> int:

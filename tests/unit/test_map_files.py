@@ -114,7 +114,10 @@ def test_a_map_with_fewer_greys_is_read() -> None:
         (YAML, b"P5\n3 x 255\n", "m.pgm:2: expected width, height and the highest value"),
         (YAML, b"P5\n3 2 65535\n", "m.pgm:2: 3 x 2 pixels up to 65535; expected"),
         (YAML, b"P5\n3 2 255\n\x00\x00", "m.pgm: cut off: 2 of 6 pixels"),
-        (YAML, b"P2\n3 2 15\n1 2 3 4 5 77\n", "m.pgm: a pixel of 77; the header says up to 15"),
+        (YAML, b"P2\n3 2 15\n1 2 3 4 5 77\n", "m.pgm: a pixel of 77; the header says 0 to 15"),
+        (YAML, b"P2\n3 2 255\n1 2 3 4 5 99999999999999999999999\n", "m.pgm: a pixel of 99999999999999999999999; the"),
+        (YAML, b"P2\n3 2 255\n1 -9 3 4 5 6\n", "m.pgm: a pixel of -9; the header says 0 to 255"),
+        (YAML, b"P2\n3 2 255\n1 2 3 99999999999999999999999 x 6\n", "m.pgm:2: pixels that are no numbers follow"),
         (YAML, b"P2\n3 2 15\n1 2 3 x 5 7\n", "m.pgm:2: pixels that are no numbers follow"),
     ],
 )
