@@ -85,8 +85,7 @@ def _edit_cells(file: Path, output: Path, edits: Edits) -> None:
     if edits.crop is not None:
         content = _cropped(content, edits.crop)
     for zone in edits.no_go:
-        corners = numbers(zone, "--no-go", 6, 2)
-        content = content.closed(list(zip(corners[::2], corners[1::2], strict=True)))
+        content = _closed(content, zone)
     write_map(output, content, graph)
 
 
@@ -107,6 +106,14 @@ def _cropped(content: OccupancyMap, text: str) -> OccupancyMap:
         return content.cropped((min(ax, bx), min(ay, by)), (max(ax, bx), max(ay, by)))
     except ValueError as error:
         raise ConfigError(f"--crop {text}: {error}") from None
+
+
+def _closed(content: OccupancyMap, text: str) -> OccupancyMap:
+    corners = numbers(text, "--no-go", 6, 2)
+    try:
+        return content.closed(list(zip(corners[::2], corners[1::2], strict=True)))
+    except ValueError as error:
+        raise ConfigError(f"--no-go {text}: {error}") from None
 
 
 def _undo(graph: MapGraph, loops: Sequence[int], source: Path) -> None:

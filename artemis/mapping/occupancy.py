@@ -116,9 +116,16 @@ class OccupancyMap:
         return rows[within], columns[within]
 
     def closed(self, corners: Sequence[tuple[float, float]]) -> OccupancyMap:
-        """With the inside of a polygon occupied: a zone in which no robot may be."""
+        """With the inside of a polygon [m] occupied: a zone in which no robot may be.
+
+        Raises:
+            ValueError: it reaches no cell.
+        """
+        reached = self.inside(corners, touched=True)
+        if not reached.any():
+            raise ValueError("nothing of the map lies there")
         cells = self.cells.copy()
-        cells[self.inside(corners, touched=True)] = OCCUPIED
+        cells[reached] = OCCUPIED
         return replace(self, cells=cells)
 
 

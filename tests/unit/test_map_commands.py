@@ -135,6 +135,9 @@ def test_what_cannot_be_is_refused(log: Path, begun: Path, tmp_path: Path) -> No
     other = tmp_path / "n.yaml"
     assert "no loop 999" in refused("edit", begun, "-o", other, "--undo-loop", "999")
     assert "nothing of the map lies there" in refused("edit", begun, "-o", other, "--crop", "90,90,99,99")
+    away = "100,100,200,200,300,100"
+    assert f"--no-go {away}: nothing of the map lies there" in refused("edit", begun, "-o", other, "--no-go", away)
+    assert not other.exists()
     assert "expected two opposite corners" in refused("edit", begun, "-o", other, "--crop", "1,1,1,5")
     assert "is an image: name the YAML file" in refused("show", begun.with_suffix(".pgm"))
     assert "--no-go 1,1,2: expected 6 numbers or more" in refused("edit", begun, "-o", other, "--no-go", "1,1,2")

@@ -148,6 +148,8 @@ def test_a_map_is_rotated_cropped_and_closed() -> None:
     assert cut.cells.shape == (11, 11)
     with pytest.raises(ValueError, match="nothing"):
         old.cropped((50, 50), (60, 60))
+    with pytest.raises(ValueError, match="nothing of the map lies there"):
+        old.closed([(50.0, 50.0), (60.0, 50.0), (60.0, 60.0)])
     zone = old.closed([(1.0, 2.0), (2.0, 2.0), (2.0, 3.0), (1.0, 3.0)])
     assert (zone.cells == OCCUPIED).sum() == 101
     assert (zone.cells[:10, :10] == OCCUPIED).all()
