@@ -28,6 +28,8 @@ MODES = ("trinary", "scale", "raw")
 KEYS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh", "mode")
 _TOKEN = re.compile(rb"(?:\s|#[^\n]*\n)*([^\s#]+)")
 _MOST_BYTES = 4 * MOST_CELLS
+_MOST_BEHIND = 4
+"""Blanks and line ends that an editor wrote behind the last pixel [bytes]."""
 
 
 def map_files(path: Path, content: OccupancyMap) -> dict[Path, bytes]:
@@ -187,7 +189,7 @@ def read_pgm(raw: bytes, source: str) -> NDArray[np.uint8]:
     """The grey values of an image, 0 to 255, its top row first: PGM, as text (P2) or bytes (P5), with comments.
 
     Raises:
-        ConfigError: it is no such image, or is cut off.
+        ConfigError: it is no such image, or has not as many pixels as its header says.
     """
     position, words = 0, list[bytes]()
     for _ in range(4):
@@ -206,21 +208,27 @@ def read_pgm(raw: bytes, source: str) -> NDArray[np.uint8]:
         place = f"{source}:{_line(raw, position)}"
         raise ConfigError(f"{place}: {columns} x {rows} pixels up to {most}; expected up to {MOST_CELLS} and 255")
     if words[0] == b"P5":
-        values = np.frombuffer(raw, np.uint8, offset=min(position + 1, len(raw)))[: rows * columns]
+        values = np.frombuffer(raw, np.uint8, offset=min(position + 1, len(raw)))
+        if len(values) <= rows * columns + _MOST_BEHIND and not raw[position + 1 + rows * columns :].strip():
+            values = values[: rows * columns]
     else:
-        values = _numbers(raw, position, source, rows * columns, most)
+        values = _numbers(raw, position, source, most)
     if len(values) < rows * columns:
         raise ConfigError(f"{source}: cut off: {len(values)} of {rows * columns} pixels")
+    if len(values) > rows * columns:
+        raise ConfigError(
+            f"{source}: {len(values)} pixels instead of {columns} x {rows}: are width and height in its header wrong?"
+        )
     if int(values.max()) > most:
         raise _no_grey(source, int(values[values > most][0]), most)
     scaled = values.astype(np.int64) * 255 // most if most < 255 else values
     return scaled.astype(np.uint8).reshape(rows, columns)
 
 
-def _numbers(raw: bytes, position: int, source: str, count: int, most: int) -> NDArray[np.uint8]:
-    """The pixels of an image as text, `count` of them at most."""
+def _numbers(raw: bytes, position: int, source: str, most: int) -> NDArray[np.uint8]:
+    """The pixels of an image as text."""
     try:
-        numbers = [int(word) for word in re.sub(rb"#[^\n]*", b"", raw[position:]).split()[:count]]
+        numbers = [int(word) for word in re.sub(rb"#[^\n]*", b"", raw[position:]).split()]
     except ValueError:
         raise ConfigError(f"{source}:{_line(raw, position)}: pixels that are no numbers follow") from None
     for number in numbers:

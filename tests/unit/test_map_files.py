@@ -57,6 +57,11 @@ def test_text_bytes_and_comments_are_read(tmp_path: Path, pgm: bytes) -> None:
     assert np.array_equal(read_map(placed(tmp_path, YAML, pgm)).cells, CELLS)
 
 
+@pytest.mark.parametrize("end", [b"\n", b" \r\n", b"\n\n\n\n"])
+def test_a_line_end_behind_the_pixels_is_none(end: bytes) -> None:
+    assert read_pgm(b"P5 3 2 255 \xfe\xfe\xcd\xcd\xfe\x00" + end, "x").tolist() == [[254, 254, 205], [205, 254, 0]]
+
+
 @pytest.mark.parametrize(
     ("extra", "expected"),
     [
@@ -115,6 +120,9 @@ def test_a_map_with_fewer_greys_is_read() -> None:
         (YAML, b"P5\n3 2 65535\n", "m.pgm:2: 3 x 2 pixels up to 65535; expected"),
         (YAML, b"P5\n3 2 255\n\x00\x00", "m.pgm: cut off: 2 of 6 pixels"),
         (YAML, b"P2\n3 2 15\n1 2 3 4 5 77\n", "m.pgm: a pixel of 77; the header says 0 to 15"),
+        (YAML, b"P5\n3 2 255\n" + 10 * b"\xfe", "m.pgm: 10 pixels instead of 3 x 2: are width and height"),
+        (YAML, b"P5\n3 2 255\n" + 6 * b"\xfe" + 5 * b"\n", "m.pgm: 11 pixels instead of 3 x 2"),
+        (YAML, b"P2\n3 2 255\n1 2 3 4 5 6 7 8\n", "m.pgm: 8 pixels instead of 3 x 2"),
         (YAML, b"P2\n3 2 255\n1 2 3 4 5 99999999999999999999999\n", "m.pgm: a pixel of 99999999999999999999999; the"),
         (YAML, b"P2\n3 2 255\n1 -9 3 4 5 6\n", "m.pgm: a pixel of -9; the header says 0 to 255"),
         (YAML, b"P2\n3 2 255\n1 2 3 99999999999999999999999 x 6\n", "m.pgm:2: pixels that are no numbers follow"),
