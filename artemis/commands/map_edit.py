@@ -81,7 +81,7 @@ def _edit_cells(file: Path, output: Path, edits: Edits) -> None:
         say_moved(zones_of(file), before, graph.keys.poses, content.resolution)
         content = occupancy(graph.keys, content.resolution)
     if edits.rotate:
-        content = _turned(file, content, graph, math.radians(edits.rotate))
+        content = _turned(file, content, graph, edits.rotate)
     if edits.crop is not None:
         content = _cropped(content, edits.crop)
     for zone in edits.no_go:
@@ -89,13 +89,18 @@ def _edit_cells(file: Path, output: Path, edits: Edits) -> None:
     write_map(output, content, graph)
 
 
-def _turned(file: Path, content: OccupancyMap, graph: MapGraph | None, turn: float) -> OccupancyMap:
-    """The map `file` and its graph turned by `turn` [rad]; one that is as its graph draws it is drawn again."""
-    if graph is None:
+def _turned(file: Path, content: OccupancyMap, graph: MapGraph | None, degrees: float) -> OccupancyMap:
+    """The map `file` and its graph turned; one that is as its graph draws it is drawn again."""
+    turn = math.radians(degrees)
+    as_drawn = graph is not None and not painted(file, content, graph)
+    if graph is not None:
+        graph.turned(turn)
+    try:
+        if graph is not None and as_drawn:
+            return occupancy(graph.keys, content.resolution)
         return content.rotated(turn)
-    by_hand = painted(file, content, graph)
-    graph.turned(turn)
-    return content.rotated(turn) if by_hand else occupancy(graph.keys, content.resolution)
+    except ValueError as error:
+        raise ConfigError(f"--rotate {degrees:g}: {error}") from None
 
 
 def _cropped(content: OccupancyMap, text: str) -> OccupancyMap:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from office import OFFICE
 
 from artemis.errors import ConfigError
@@ -16,6 +18,7 @@ from artemis.mapping.key_scans import KeyScans
 from artemis.mapping.map_file import map_files, read_map, read_pgm
 from artemis.mapping.mapper import Mapper
 from artemis.mapping.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap, occupancy
+from artemis.mapping.se2 import compose
 from artemis.whole_files import write_bytes
 from artemis_lab.bench.laser_worlds import SETTINGS, driven, readings
 
@@ -161,6 +164,47 @@ def test_a_map_is_rotated_cropped_and_closed() -> None:
     zone = old.closed([(1.0, 2.0), (2.0, 2.0), (2.0, 3.0), (1.0, 3.0)])
     assert (zone.cells == OCCUPIED).sum() == 101
     assert (zone.cells[:10, :10] == OCCUPIED).all()
+
+
+def turned_at_once(old: OccupancyMap, angle: float) -> NDArray[np.int8]:
+    """Its cells, by the middles of all new cells at the same time."""
+    height, width = old.cells.shape
+    corners = np.array([(0, 0, 0), (width, 0, 0), (width, height, 0), (0, height, 0)]) * old.resolution
+    placed = compose(compose([0.0, 0.0, angle], old.origin), corners)[:, :2]
+    low, high = placed.min(0), placed.max(0)
+    columns, rows = np.ceil((high - low) / old.resolution - 1e-9).astype(int)
+    row, column = np.mgrid[0:rows, 0:columns].reshape(2, -1)
+    centres = np.stack([low[0] + (column + 0.5) * old.resolution, low[1] + (row + 0.5) * old.resolution], 1)
+    row, column = old.cell_of(compose([0.0, 0.0, -angle], np.c_[centres, np.zeros(len(centres))])[:, :2])
+    inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+    cells = np.full(len(row), UNKNOWN, np.int8)
+    cells[inside] = old.cells[row[inside], column[inside]]
+    return cells.reshape(rows, columns)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3, np.pi / 2, -2.0])
+def test_a_map_is_rotated_piece_by_piece_as_all_at_once(angle: float) -> None:
+    cells = np.random.default_rng(1).choice(np.array([UNKNOWN, FREE, OCCUPIED], np.int8), (500, 700))
+    old = OccupancyMap(cells=cells, resolution=0.05, origin=(-3.013, 7.7, 0.2))
+    assert np.array_equal(old.rotated(angle).cells, turned_at_once(old, angle))
+
+
+def test_a_large_map_is_rotated_in_little_memory() -> None:
+    old = OccupancyMap(cells=np.zeros((1500, 2000), np.int8), resolution=0.05, origin=(0.0, 0.0, 0.0))
+    tracemalloc.start()
+    try:
+        turned = old.rotated(np.pi / 2)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert turned.cells.shape == (2000, 1500)
+    assert peak < 3e6 + 40e6, "the new map, and what a piece of it takes"
+
+
+def test_a_map_that_would_be_too_large_is_not_rotated() -> None:
+    old = OccupancyMap(cells=np.zeros((8000, 8000), np.int8), resolution=0.05, origin=(0.0, 0.0, 0.0))
+    with pytest.raises(ValueError, match="11314 x 11314 cells; a map has 100000000 at most"):
+        old.rotated(np.pi / 4)
 
 
 def test_a_graph_is_kept_with_its_map(tmp_path: Path) -> None:
