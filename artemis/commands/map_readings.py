@@ -18,7 +18,7 @@ from artemis.vehicle import RobotFile
 def readings_of(run: Path, settings: MapSettings, scanner: str | None) -> Iterator[Reading]:
     """Scans of one scanner, in the order in which they came; it is mounted as the robot file in the recording says.
 
-    What the recording lacks is printed.
+    The recording is opened at once, and what it lacks is printed.
 
     Args:
         run: folder of the run, or its recording.
@@ -32,6 +32,10 @@ def readings_of(run: Path, settings: MapSettings, scanner: str | None) -> Iterat
     recording = Recording(run)
     tell_missing(recording, f"{recording.path}: ")
     name, _ = scanner_of(recording.robot, run, scanner)
+    return _scans(recording, name, run, settings)
+
+
+def _scans(recording: Recording, name: str, run: Path, settings: MapSettings) -> Iterator[Reading]:
     readings, found = ScanReadings(settings, recording.robot, name), False
     for tick in recording.ticks():
         for reading in readings.see(tick):
