@@ -92,6 +92,23 @@ def test_a_file_is_begun_and_emptied(workshop: Path) -> None:
     assert (zones_of(workshop).zones[0].kind, list(zones_of(workshop).places)) == ("prefer", ["a"])
 
 
+@pytest.mark.parametrize(
+    "name", ["1", "010", "1e5", "0x1f", "null", "true", "yes", "on", "-", "--", "---", "-a", "2026-01-01"]
+)
+def test_a_place_may_have_a_name_that_is_a_word_of_yaml(workshop: Path, tmp_path: Path, name: str) -> None:
+    call("edit", workshop, "--place", f"{name}=1,1,0")
+    call("edit", workshop, "-o", tmp_path / "turned.yaml", "--rotate", "180")
+    for file in (workshop, tmp_path / "turned.yaml"):
+        assert name in zones_of(file).places
+        call("edit", file, "--remove-place", name)
+        assert name not in zones_of(file).places
+
+
+def test_a_plain_name_of_a_place_is_written_without_quotes(workshop: Path) -> None:
+    call("edit", workshop, "--place", "desk-2=1,1,0")
+    assert "\n  desk-2: {x_m: 1," in workshop.with_name("workshop.zones.yaml").read_text()
+
+
 def test_a_rotated_map_takes_them_along(workshop: Path, tmp_path: Path) -> None:
     call("edit", workshop, "-o", tmp_path / "turned.yaml", "--rotate", "90", "--place", "desk=-2,2,0")
     turned = zones_of(tmp_path / "turned.yaml")
@@ -152,7 +169,16 @@ def test_a_keep_out_zone_closes_each_cell_that_it_touches() -> None:
         (["--zone", "x=keep-out:1,1,2,2,2,1,1,2"], "its edges from corner 1 and from corner 3 cross: list the corners"),
         (["--zone", "lane=keep-out:1,1,2,2,3,1"], "there is a zone 'lane' already"),
         (["--place", "store=1,1,1"], "there is a place 'store' already"),
-        (["--place", "Big=1,1,1"], "--place Big: places"),
+        (["--zone", "x=slow:1,1,2,2,3,1"], "--zone x: kind: slow and"),
+        (
+            ["--zone", "r3=keepout:1,1,2,2,3,1"],
+            "--zone r3: kind: expected 'keep-out', 'slow' or 'prefer', found 'keepout'; did you mean keep-out?",
+        ),
+        (["--zone", "x=slow@20:1,1,2,2,3,1"], "--zone x: speed_m_s: expected at most 10, found 20.0"),
+        (["--zone", "x=prefer:1,1,2e6,2,3,1"], "--zone x: corners[1][0]: "),
+        (["--place", "Big=1,1,1"], "--place 'Big': expected a name of small letters, digits and hyphens, 64 at most"),
+        (["--place", "a: b=1,2,3"], "--place 'a: b': expected a name of small letters, digits and hyphens"),
+        (["--place", "a=1,2,400"], "--place a: heading_deg: "),
         (["--place", "a"], "expected NAME=X,Y,DEG"),
         (["--remove-zone", "lan"], "no zone 'lan'; nearest is 'lane'"),
         (["--remove-place", "stor"], "no place 'stor'; nearest is 'store'"),
