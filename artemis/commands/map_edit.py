@@ -104,7 +104,7 @@ def _turned(file: Path, content: OccupancyMap, graph: MapGraph | None, degrees: 
 
 
 def _cropped(content: OccupancyMap, text: str) -> OccupancyMap:
-    ax, ay, bx, by = numbers(text, "--crop", 4, 4)[:4]
+    ax, ay, bx, by = numbers(text, "--crop", 4)
     if ax == bx or ay == by:
         raise ConfigError(f"--crop {text}: expected two opposite corners X,Y,X,Y")
     try:
@@ -114,7 +114,7 @@ def _cropped(content: OccupancyMap, text: str) -> OccupancyMap:
 
 
 def _closed(content: OccupancyMap, text: str) -> OccupancyMap:
-    corners = numbers(text, "--no-go", 6, 2)
+    corners = numbers(text, "--no-go", 6, more=True)
     try:
         return content.closed(list(zip(corners[::2], corners[1::2], strict=True)))
     except ValueError as error:

@@ -127,7 +127,7 @@ def _zone(text: str) -> MapZone:
         raise ConfigError(
             f"--zone {text}: expected NAME=KIND:X,Y,X,Y,X,Y with the kind keep-out, prefer, or slow@SPEED in m/s"
         )
-    given = numbers(corners, f"--zone {name}", 6, 2)
+    given = numbers(corners, f"--zone {name}", 6, more=True)
     points: list[Data] = [[x, y] for x, y in zip(given[::2], given[1::2], strict=True)]
     slow = {"speed_m_s": numbers(speed, f"--zone {name}, speed", 1)[0]} if speed else {}
     return _valid(MapZone, {"name": name, "kind": kind, "corners": points, **slow}, f"--zone {name}")
@@ -140,8 +140,7 @@ def _place(text: str) -> tuple[str, str]:
         raise ConfigError(f"--place {text}: expected NAME=X,Y,DEG")
     if not re.fullmatch(PLACE_NAME, name):
         raise ConfigError(f"--place {shown(name)}: expected a name of small letters, digits and hyphens, 64 at most")
-    given = numbers(pose, f"--place {name}", 3, 3)
-    x, y, heading = given[:3]
+    x, y, heading = numbers(pose, f"--place {name}", 3)
     _valid(MapPose, {"x_m": x, "y_m": y, "heading_deg": heading}, f"--place {name}")
     return name, _place_line(name, x, y, heading)
 

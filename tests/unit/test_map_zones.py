@@ -164,6 +164,9 @@ def test_a_keep_out_zone_closes_each_cell_that_it_touches() -> None:
         (["--rotate", "3"], "--output MAP: name the corrected map"),
         (["--zone", "x=slow:1,1,2,2,3,1"], "kind: slow and speed_m_s belong together"),
         (["--zone", "x=keep-out:1,1,2,2"], "--zone x 1,1,2,2: expected 6 numbers or more"),
+        (["--zone", "x=keep-out:1,1,2,2,3,3,4"], "--zone x 1,1,2,2,3,3,4: expected 6 numbers or more, in pairs, with"),
+        (["--zone", "x=slow@1,2:1,1,2,2,3,1"], "--zone x, speed 1,2: expected 1 number, not 2"),
+        (["--place", "a=1,2,3,4,5,6"], "--place a 1,2,3,4,5,6: expected 3 numbers with commas, not 6"),
         (["--zone", "keep-out:1,1,2,2,3,3"], "expected NAME=KIND"),
         (["--zone", "x=keep-out:1,1,2,2,3,3"], "--zone x: corners: the corners lie on one line"),
         (["--zone", "x=keep-out:1,1,2,2,2,1,1,2"], "its edges from corner 1 and from corner 3 cross: list the corners"),
@@ -257,6 +260,13 @@ def test_a_route_that_cannot_be_is_refused(workshop: Path) -> None:
 
     assert "--from chager: no such place; nearest is 'charger'" in route("chager", "store")
     assert "--to 3,3.5,0: the robot cannot stand there" in route("store", "3,3.5,0")
+    assert "--to 1,2: expected 3 numbers with commas, not 2" in route("store", "1,2")
+    assert "--to 1,2,3,4,5,6: expected 3 numbers with commas, not 6" in route("store", "1,2,3,4,5,6")
+    assert "--to nan,1,2: 'nan' is no finite number" in route("store", "nan,1,2")
+    assert "--from 1,b,2: 'b' is no number" in route("1,b,2", "store")
+    assert "--from 1,,2: '' is no number" in route("1,,2", "store")
+    assert "--to '': no such place; there are charger" in route("store", "")
+    assert "--from '': no such place; there are charger" in route("", "store")
     assert "within its outline and 10 cm is a wall" in route("1,1.5,0", "7.0,0.37,0")
     assert "for the robot's outline: it has none" in route("store", "bench", MISSIONS / "robots" / "artemis.yaml")
     assert "needs all of --from, --to and --robot" in refused("show", workshop, "--from", "store")
