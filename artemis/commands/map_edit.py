@@ -22,6 +22,7 @@ from artemis.route_planning.zones import zones_file
 from artemis.yaml_file import read
 
 _ROUNDS = 20
+_FARTHEST = 1e6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,7 +105,7 @@ def _turned(file: Path, content: OccupancyMap, graph: MapGraph | None, degrees: 
 
 
 def _cropped(content: OccupancyMap, text: str) -> OccupancyMap:
-    ax, ay, bx, by = numbers(text, "--crop", 4)
+    ax, ay, bx, by = _coordinates(text, "--crop", 4)
     if ax == bx or ay == by:
         raise ConfigError(f"--crop {text}: expected two opposite corners X,Y,X,Y")
     try:
@@ -113,8 +114,17 @@ def _cropped(content: OccupancyMap, text: str) -> OccupancyMap:
         raise ConfigError(f"--crop {text}: {error}") from None
 
 
+def _coordinates(text: str, option: str, count: int, *, more: bool = False) -> list[float]:
+    """As `numbers`, none farther than maps are [m]."""
+    found = numbers(text, option, count, more=more)
+    for each in found:
+        if abs(each) > _FARTHEST:
+            raise ConfigError(f"{option} {text}: {each:g} is farther than {_FARTHEST:g} m")
+    return found
+
+
 def _closed(content: OccupancyMap, text: str) -> OccupancyMap:
-    corners = numbers(text, "--no-go", 6, more=True)
+    corners = _coordinates(text, "--no-go", 6, more=True)
     try:
         return content.closed(list(zip(corners[::2], corners[1::2], strict=True)))
     except ValueError as error:

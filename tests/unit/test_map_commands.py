@@ -137,6 +137,8 @@ def test_what_cannot_be_is_refused(log: Path, begun: Path, tmp_path: Path) -> No
     assert "nothing of the map lies there" in refused("edit", begun, "-o", other, "--crop", "90,90,99,99")
     away = "100,100,200,200,300,100"
     assert f"--no-go {away}: nothing of the map lies there" in refused("edit", begun, "-o", other, "--no-go", away)
+    assert "-1e+300 is farther than 1e+06 m" in refused("edit", begun, "-o", other, "--crop=-1e300,-1,1e300,1")
+    assert "1e+09 is farther than 1e+06 m" in refused("edit", begun, "-o", other, "--no-go", "1e9,0,0,1,1,1")
     assert not other.exists()
     assert "expected two opposite corners" in refused("edit", begun, "-o", other, "--crop", "1,1,1,5")
     assert "is an image: name the YAML file" in refused("show", begun.with_suffix(".pgm"))
