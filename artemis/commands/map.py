@@ -66,7 +66,8 @@ def show_map(
 
     if None in (begin, end, robot) and (begin, end, robot) != (None, None, None):
         raise ConfigError("a route needs all of --from, --to and --robot")
-    show_map(file, figure, (begin, end, robot) if begin and end and robot else None)
+    wanted = None if begin is None or end is None or robot is None else (begin, end, robot)
+    show_map(file, figure, wanted)
 
 
 @maps.command("edit")

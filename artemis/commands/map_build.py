@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
@@ -64,9 +64,11 @@ def build_map(sources: Sources, output: Path, resolution: float, *, force: bool)
         raise ConfigError(f"--resolution {resolution:g}: expected 0.005 to 1 m")
     if not COMPILED:
         sys.stderr.write(f"{notice()}\n")
-    settings, begun = MapSettings(), _begun(sources.begun, force)
+    settings = MapSettings()
+    opened = [_readings(run, settings, sources) for run in sources.runs]
+    begun = _begun(sources.begun, force)
     before = begun.keys.poses.copy() if begun is not None else np.empty((0, 3))
-    mapper = _mapped(sources, begun, settings)
+    mapper = _mapped(sources, opened, begun, settings)
     if not len(mapper.keys):
         raise ConfigError(f"{sources.runs[0]}: no scan has a point")
     mapper.finish()
@@ -108,13 +110,14 @@ def _begun(file: Path | None, force: bool) -> MapGraph | None:
     return graph
 
 
-def _mapped(sources: Sources, begun: MapGraph | None, settings: MapSettings) -> Mapper:
-    """A map of all runs, or one continued, before its last pass."""
+def _mapped(
+    sources: Sources, opened: Sequence[Iterator[Reading]], begun: MapGraph | None, settings: MapSettings
+) -> Mapper:
+    """A map of all runs, or one continued, before its last pass; `opened`: the readings of each run."""
     mapper = Mapper(settings)
     with Progress(disable=not sys.stdout.isatty()) as progress:
         bar = progress.add_task("scans", total=None)
-        for number, run in enumerate(sources.runs):
-            readings = _readings(run, settings, sources)
+        for number, (run, readings) in enumerate(zip(sources.runs, opened, strict=True)):
             if number:
                 readings = _another(mapper, run, readings, settings)
             elif begun is not None:
@@ -222,9 +225,11 @@ def _located(
 
 
 def _readings(run: Path, settings: MapSettings, sources: Sources) -> Iterator[Reading]:
+    """Those of a run or a log, which is opened at once."""
     is_log = run.with_suffix("").suffix in LOGS if run.suffix == ".gz" else run.suffix in LOGS
     if is_log:
         given = read_carmen(run, settings)
+        given = chain(list(islice(given, 1)), given)
     else:
         given = readings_of(run, settings, sources.scanner)
     return given if sources.odometry else (replace(reading, odometry=None) for reading in given)

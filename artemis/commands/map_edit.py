@@ -22,6 +22,7 @@ from artemis.route_planning.zones import zones_file
 from artemis.yaml_file import read
 
 _ROUNDS = 20
+_FARTHEST = 1e6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,32 +82,53 @@ def _edit_cells(file: Path, output: Path, edits: Edits) -> None:
         say_moved(zones_of(file), before, graph.keys.poses, content.resolution)
         content = occupancy(graph.keys, content.resolution)
     if edits.rotate:
-        content = _turned(file, content, graph, math.radians(edits.rotate))
+        content = _turned(file, content, graph, edits.rotate)
     if edits.crop is not None:
         content = _cropped(content, edits.crop)
     for zone in edits.no_go:
-        corners = numbers(zone, "--no-go", 6, 2)
-        content = content.closed(list(zip(corners[::2], corners[1::2], strict=True)))
+        content = _closed(content, zone)
     write_map(output, content, graph)
 
 
-def _turned(file: Path, content: OccupancyMap, graph: MapGraph | None, turn: float) -> OccupancyMap:
-    """The map `file` and its graph turned by `turn` [rad]; one that is as its graph draws it is drawn again."""
-    if graph is None:
+def _turned(file: Path, content: OccupancyMap, graph: MapGraph | None, degrees: float) -> OccupancyMap:
+    """The map `file` and its graph turned; one that is as its graph draws it is drawn again."""
+    turn = math.radians(degrees)
+    as_drawn = graph is not None and not painted(file, content, graph)
+    if graph is not None:
+        graph.turned(turn)
+    try:
+        if graph is not None and as_drawn:
+            return occupancy(graph.keys, content.resolution)
         return content.rotated(turn)
-    by_hand = painted(file, content, graph)
-    graph.turned(turn)
-    return content.rotated(turn) if by_hand else occupancy(graph.keys, content.resolution)
+    except ValueError as error:
+        raise ConfigError(f"--rotate {degrees:g}: {error}") from None
 
 
 def _cropped(content: OccupancyMap, text: str) -> OccupancyMap:
-    ax, ay, bx, by = numbers(text, "--crop", 4, 4)[:4]
+    ax, ay, bx, by = _coordinates(text, "--crop", 4)
     if ax == bx or ay == by:
         raise ConfigError(f"--crop {text}: expected two opposite corners X,Y,X,Y")
     try:
         return content.cropped((min(ax, bx), min(ay, by)), (max(ax, bx), max(ay, by)))
     except ValueError as error:
         raise ConfigError(f"--crop {text}: {error}") from None
+
+
+def _coordinates(text: str, option: str, count: int, *, more: bool = False) -> list[float]:
+    """As `numbers`, none farther than maps are [m]."""
+    found = numbers(text, option, count, more=more)
+    for each in found:
+        if abs(each) > _FARTHEST:
+            raise ConfigError(f"{option} {text}: {each:g} is farther than {_FARTHEST:g} m")
+    return found
+
+
+def _closed(content: OccupancyMap, text: str) -> OccupancyMap:
+    corners = _coordinates(text, "--no-go", 6, more=True)
+    try:
+        return content.closed(list(zip(corners[::2], corners[1::2], strict=True)))
+    except ValueError as error:
+        raise ConfigError(f"--no-go {text}: {error}") from None
 
 
 def _undo(graph: MapGraph, loops: Sequence[int], source: Path) -> None:

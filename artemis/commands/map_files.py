@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from artemis.commands.path_files import refuse_taken
-from artemis.errors import ConfigError
+from artemis.errors import ConfigError, shown
 from artemis.mapping.graph_file import MapGraph, files_of, saved_files
 from artemis.mapping.occupancy import OccupancyMap
 from artemis.route_planning.zones import NO_MAP, zones_file
@@ -40,16 +40,22 @@ def write_map(path: Path, content: OccupancyMap, graph: MapGraph | None) -> None
     sys.stdout.write(f"map         {path}: {size}, cells of {content.resolution:g} m\n")
 
 
-def numbers(text: str, option: str, least: int, step: int = 1) -> list[float]:
-    """Numbers out of an option, `least` of them or so many `step` more.
+def numbers(text: str, option: str, count: int, *, more: bool = False) -> list[float]:
+    """Numbers out of an option, `count` of them; with `more` also more pairs.
 
     Raises:
         ConfigError: it has others.
     """
-    try:
-        found = [float(each) for each in text.split(",")]
-    except ValueError:
-        found = []
-    if len(found) < least or (len(found) - least) % step or not all(math.isfinite(each) for each in found):
-        raise ConfigError(f"{option} {text}: expected {least} numbers{' or more' if step > 1 else ''}, with commas")
+    found = list[float]()
+    for word in text.split(","):
+        try:
+            found.append(float(word))
+        except ValueError:
+            raise ConfigError(f"{option} {text}: {shown(word)} is no number") from None
+        if not math.isfinite(found[-1]):
+            raise ConfigError(f"{option} {text}: {shown(word)} is no finite number")
+    if len(found) != count and not (more and len(found) > count and (len(found) - count) % 2 == 0):
+        several = " or more, in pairs," if more else ""
+        wanted = f"{count} numbers{several} with commas" if count > 1 else "1 number"
+        raise ConfigError(f"{option} {text}: expected {wanted}, not {len(found)}")
     return found

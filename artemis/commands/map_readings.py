@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+from artemis.commands.wholeness import tell_missing
 from artemis.errors import ConfigError
 from artemis.mapping.laser import Reading
 from artemis.mapping.readings import ScanReadings
@@ -17,6 +18,8 @@ from artemis.vehicle import RobotFile
 def readings_of(run: Path, settings: MapSettings, scanner: str | None) -> Iterator[Reading]:
     """Scans of one scanner, in the order in which they came; it is mounted as the robot file in the recording says.
 
+    The recording is opened at once, and what it lacks is printed.
+
     Args:
         run: folder of the run, or its recording.
         settings: which returns count.
@@ -27,7 +30,12 @@ def readings_of(run: Path, settings: MapSettings, scanner: str | None) -> Iterat
         ConfigError: it has no scans, or those of several scanners.
     """
     recording = Recording(run)
+    tell_missing(recording, f"{recording.path}: ")
     name, _ = scanner_of(recording.robot, run, scanner)
+    return _scans(recording, name, run, settings)
+
+
+def _scans(recording: Recording, name: str, run: Path, settings: MapSettings) -> Iterator[Reading]:
     readings, found = ScanReadings(settings, recording.robot, name), False
     for tick in recording.ticks():
         for reading in readings.see(tick):

@@ -138,8 +138,10 @@ def _pose(option: str, words: str, zones: MapZones) -> Pose:
     if (place := zones.places.get(words)) is not None:
         return Pose(x=place.x_m, y=place.y_m, heading=math.radians(place.heading_deg))
     if "," not in words:
-        raise ConfigError(f"{option} {words}: no such place; {similar(words, zones.places) or 'expected X,Y,DEG'}")
-    x, y, heading = numbers(words, option, 3, 3)[:3]
+        raise ConfigError(
+            f"{option} {words or repr(words)}: no such place; {similar(words, zones.places) or 'expected X,Y,DEG'}"
+        )
+    x, y, heading = numbers(words, option, 3)
     return Pose(x=x, y=y, heading=math.radians(heading))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,14 +14,15 @@ from pydantic import ValidationError
 
 from artemis.commands.map_files import numbers
 from artemis.config import Config
-from artemis.errors import ConfigError, similar
+from artemis.errors import ConfigError, shown, similar
 from artemis.mapping.occupancy import OccupancyMap
 from artemis.mission.loading import load_model
-from artemis.mission.problems import plain_words
+from artemis.mission.problems import problems_of
 from artemis.mission.zones import HEAD, read_zones, with_zone, without_zones, write_zones, zones_in
 from artemis.route_planning.floor import outside
-from artemis.route_planning.zones import MapZone, MapZones, in_digits, zone_line, zones_file
+from artemis.route_planning.zones import PLACE_NAME, MapPose, MapZone, MapZones, in_digits, zone_line, zones_file
 from artemis.yaml_edit import with_line, without_line
+from artemis.yaml_file import Data, scalar
 
 Model = TypeVar("Model", bound=Config)
 
@@ -65,10 +67,10 @@ def edited_zones(raw: bytes, source: str, edits: ZoneEdits) -> bytes:
     for text in edits.zones:
         raw = with_zone(raw, source, _zone(text))
     for text in edits.places:
-        name, entry = _place(text)
+        name, line = _place(text)
         if name in zones_in(raw, source).places:
             raise ConfigError(f"{source}: there is a place {name!r} already; remove it first: --remove-place {name}")
-        raw = with_line(raw, source, "places", f"{name}: {entry}")
+        raw = with_line(raw, source, "places", line)
     zones_in(raw, source)
     return raw
 
@@ -98,7 +100,7 @@ def turned_zones(known: MapZones, turn: float) -> bytes:
     for name, place in known.places.items():
         x, y = at(place.x_m, place.y_m)
         heading = round(math.degrees(math.remainder(math.radians(place.heading_deg) + turn, math.tau)), 3)
-        raw = with_line(raw, "", "places", f"{name}: {_pose_line(x, y, heading)}")
+        raw = with_line(raw, "", "places", _place_line(name, x, y, heading))
     return raw
 
 
@@ -125,28 +127,38 @@ def _zone(text: str) -> MapZone:
         raise ConfigError(
             f"--zone {text}: expected NAME=KIND:X,Y,X,Y,X,Y with the kind keep-out, prefer, or slow@SPEED in m/s"
         )
-    given = numbers(corners, f"--zone {name}", 6, 2)
-    points = [list(pair) for pair in zip(given[::2], given[1::2], strict=True)]
+    given = numbers(corners, f"--zone {name}", 6, more=True)
+    points: list[Data] = [[x, y] for x, y in zip(given[::2], given[1::2], strict=True)]
     slow = {"speed_m_s": numbers(speed, f"--zone {name}, speed", 1)[0]} if speed else {}
     return _valid(MapZone, {"name": name, "kind": kind, "corners": points, **slow}, f"--zone {name}")
 
 
 def _place(text: str) -> tuple[str, str]:
+    """Its name, and its line in the file."""
     name, _, pose = text.partition("=")
     if not (name and pose):
         raise ConfigError(f"--place {text}: expected NAME=X,Y,DEG")
-    given = numbers(pose, f"--place {name}", 3, 3)
-    x, y, heading = given[:3]
-    pose_keys = {"x_m": x, "y_m": y, "heading_deg": heading}
-    _valid(MapZones, {"places": {name: pose_keys}}, f"--place {name}")
-    return name, _pose_line(x, y, heading)
+    if not re.fullmatch(PLACE_NAME, name):
+        raise ConfigError(f"--place {shown(name)}: expected a name of small letters, digits and hyphens, 64 at most")
+    x, y, heading = numbers(pose, f"--place {name}", 3)
+    _valid(MapPose, {"x_m": x, "y_m": y, "heading_deg": heading}, f"--place {name}")
+    return name, _place_line(name, x, y, heading)
 
 
-def _pose_line(x: float, y: float, heading: float) -> str:
-    return f"{{x_m: {in_digits(x)}, y_m: {in_digits(y)}, heading_deg: {in_digits(heading)}}}"
+def _place_line(name: str, x: float, y: float, heading: float) -> str:
+    pose = f"{{x_m: {in_digits(x)}, y_m: {in_digits(y)}, heading_deg: {in_digits(heading)}}}"
+    return f"{name if _is_text(name) else repr(name)}: {pose}"
 
 
-def _valid(model: type[Model], values: dict[str, object], option: str) -> Model:
+def _is_text(name: str) -> bool:
+    """Whether YAML takes it for text also without quotes."""
+    try:
+        return scalar(name) == name
+    except ConfigError:
+        return False
+
+
+def _valid(model: type[Model], values: dict[str, Data], option: str) -> Model:
     """Values of an option, checked.
 
     Raises:
@@ -155,4 +167,4 @@ def _valid(model: type[Model], values: dict[str, object], option: str) -> Model:
     try:
         return model.model_validate(values)
     except ValidationError as error:
-        raise ConfigError([f"{option}: {line}" for line in plain_words(error)]) from None
+        raise ConfigError([f"{option}: {line}" for line in problems_of(error, values, model)]) from None

@@ -28,6 +28,8 @@ MODES = ("trinary", "scale", "raw")
 KEYS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh", "mode")
 _TOKEN = re.compile(rb"(?:\s|#[^\n]*\n)*([^\s#]+)")
 _MOST_BYTES = 4 * MOST_CELLS
+_MOST_BEHIND = 4
+"""Blanks and line ends that an editor wrote behind the last pixel [bytes]."""
 
 
 def map_files(path: Path, content: OccupancyMap) -> dict[Path, bytes]:
@@ -111,7 +113,7 @@ class MapKeys:
         image = data.get("image")
         self.image = image if isinstance(image, str) else ""
         if not self.image:
-            self._complain(("image",), "expected the name of a PGM file")
+            self._expected("the name of a PGM file", image, ("image",))
         self.resolution = self._number("resolution", 1e-4, 100.0)
         self.origin = self._origin()
         self._limits = _Thresholds(self._number("free_thresh", 0, 1), self._number("occupied_thresh", 0, 1))
@@ -165,19 +167,25 @@ class MapKeys:
     def _complain(self, path: tuple[str | int, ...], text: str) -> None:
         self.problems.append(self._document.problem(path, text))
 
+    def _expected(self, what: str, value: Data, path: tuple[str | int, ...]) -> None:
+        """Complain about a key's value, or that the file does not have the key."""
+        missing = len(path) == 1 and path[0] not in self._data
+        found = "nothing" if value is None else shown(value)
+        self._complain(path, "this key is missing" if missing else f"expected {what}, not {found}")
+
     def _number(self, key: str, least: float, most: float) -> float:
         return self._checked(self._data.get(key), (key,), least, most)
 
     def _checked(self, value: Data, path: tuple[str | int, ...], least: float, most: float) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
-            self._complain(path, f"expected a number from {least:g} to {most:g}, not {shown(value)}")
+            self._expected(f"a number from {least:g} to {most:g}", value, path)
             return least
         return float(value)
 
     def _origin(self) -> tuple[float, float, float]:
         value = self._data.get("origin")
         if not isinstance(value, list) or len(value) != 3:
-            self._complain(("origin",), f"expected [x, y, yaw], not {shown(value)}")
+            self._expected("[x, y, yaw]", value, ("origin",))
             return 0.0, 0.0, 0.0
         x, y, yaw = (self._checked(each, ("origin", number), -1e6, 1e6) for number, each in enumerate(value))
         return x, y, math.remainder(yaw, math.tau)
@@ -187,7 +195,7 @@ def read_pgm(raw: bytes, source: str) -> NDArray[np.uint8]:
     """The grey values of an image, 0 to 255, its top row first: PGM, as text (P2) or bytes (P5), with comments.
 
     Raises:
-        ConfigError: it is no such image, or is cut off.
+        ConfigError: it is no such image, or has not as many pixels as its header says.
     """
     position, words = 0, list[bytes]()
     for _ in range(4):
@@ -197,28 +205,66 @@ def read_pgm(raw: bytes, source: str) -> NDArray[np.uint8]:
         words.append(found[1])
         position = found.end()
         if words[0] not in (b"P2", b"P5"):
-            raise ConfigError(f"{source}:1: begins with {shown(words[0][:8])}; expected a PGM image (P2 or P5)")
+            raise ConfigError(f"{source}:1: begins with {shown(words[0][:8])}; {_converted(source)}")
     try:
         columns, rows, most = (int(word) for word in words[1:])
     except ValueError:
         raise ConfigError(f"{source}:{_line(raw, position)}: expected width, height and the highest value") from None
-    if not (0 < columns * rows <= MOST_CELLS and columns > 0 and 0 < most <= 255):
-        place = f"{source}:{_line(raw, position)}"
-        raise ConfigError(f"{place}: {columns} x {rows} pixels up to {most}; expected up to {MOST_CELLS} and 255")
+    if problem := _unlike_a_map(columns, rows, most, source):
+        raise ConfigError(f"{source}:{_line(raw, position)}: {problem}")
     if words[0] == b"P5":
-        values = np.frombuffer(raw, np.uint8, offset=min(position + 1, len(raw)))[: rows * columns]
+        values = np.frombuffer(raw, np.uint8, offset=min(position + 1, len(raw)))
+        if len(values) <= rows * columns + _MOST_BEHIND and not raw[position + 1 + rows * columns :].strip():
+            values = values[: rows * columns]
     else:
-        try:
-            numbers = re.sub(rb"#[^\n]*", b"", raw[position:]).split()[: rows * columns]
-            values = np.array(numbers, np.int64)
-        except ValueError:
-            raise ConfigError(f"{source}:{_line(raw, position)}: pixels that are no numbers follow") from None
+        values = _numbers(raw, position, source, most)
     if len(values) < rows * columns:
         raise ConfigError(f"{source}: cut off: {len(values)} of {rows * columns} pixels")
-    if int(values.max()) > most or int(values.min()) < 0:
-        raise ConfigError(f"{source}: a pixel of {int(values.max())}; the header says up to {most}")
+    if len(values) > rows * columns:
+        raise ConfigError(
+            f"{source}: {len(values)} pixels instead of {columns} x {rows}: are width and height in its header wrong?"
+        )
+    if int(values.max()) > most:
+        raise _no_grey(source, int(values[values > most][0]), most)
     scaled = values.astype(np.int64) * 255 // most if most < 255 else values
     return scaled.astype(np.uint8).reshape(rows, columns)
+
+
+def _unlike_a_map(columns: int, rows: int, most: int, source: str) -> str:
+    """What is wrong with these numbers of a header; empty: nothing."""
+    size = f"{shown(columns)} x {shown(rows)} pixels"
+    if columns < 1 or rows < 1:
+        return f"{size}; expected 1 x 1 at least"
+    if columns * rows > MOST_CELLS:
+        return f"{size}; expected {MOST_CELLS} at most"
+    if 0 < most <= 255:
+        return ""
+    remedy = _converted(source) if 255 < most <= 65535 else "expected 1 to 255"
+    return f"its highest value is {shown(most)}; {remedy}"
+
+
+def _converted(source: str) -> str:
+    """How another image becomes one that is read."""
+    return (
+        f"expected a PGM image (P2 or P5) of 8 bits: `convert {Path(source).name} -depth 8 NEW.pgm` (ImageMagick; from "
+        "version 7: `magick`) writes one; name it in the map's YAML file"
+    )
+
+
+def _numbers(raw: bytes, position: int, source: str, most: int) -> NDArray[np.uint8]:
+    """The pixels of an image as text."""
+    try:
+        numbers = [int(word) for word in re.sub(rb"#[^\n]*", b"", raw[position:]).split()]
+    except ValueError:
+        raise ConfigError(f"{source}:{_line(raw, position)}: pixels that are no numbers follow") from None
+    for number in numbers:
+        if not 0 <= number <= most:
+            raise _no_grey(source, number, most)
+    return np.array(numbers, np.uint8)
+
+
+def _no_grey(source: str, value: int, most: int) -> ConfigError:
+    return ConfigError(f"{source}: a pixel of {shown(value)}; the header says 0 to {most}")
 
 
 def _line(raw: bytes, position: int) -> int:

@@ -19,6 +19,8 @@ FREE_BELOW, OCCUPIED_FROM = 0.2, 0.3
 MARGIN = 1.0
 """Around the farthest points [m]."""
 MOST_CELLS = 100_000_000
+_AT_ONCE = 1 << 17
+"""Cells that are computed together: each takes some 200 bytes meanwhile."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -60,20 +62,28 @@ class OccupancyMap:
         return np.stack([c * dx + s * dy, c * dy - s * dx]) / self.resolution
 
     def rotated(self, angle: float) -> OccupancyMap:
-        """Turned around the frame's origin by `angle` [rad], on cells along x and y again."""
+        """Turned around the frame's origin by `angle` [rad], on cells along x and y again.
+
+        Raises:
+            ValueError: these would be more than `MOST_CELLS`.
+        """
         x, y, heading = self.origin
         height, width = self.cells.shape
         corners = np.array([(0, 0), (width, 0), (width, height), (0, height)]) * self.resolution
         turned = compose(compose([0.0, 0.0, angle], [x, y, heading]), np.c_[corners, np.zeros(4)])[:, :2]
         low, high = turned.min(0), turned.max(0)
         columns, rows = np.ceil((high - low) / self.resolution - 1e-9).astype(int)
-        row, column = np.mgrid[0:rows, 0:columns].reshape(2, -1)
-        centres = np.stack([low[0] + (column + 0.5) * self.resolution, low[1] + (row + 0.5) * self.resolution], 1)
-        back = compose([0.0, 0.0, -angle], np.c_[centres, np.zeros(len(centres))])[:, :2]
-        old_row, old_column = self.cell_of(back)
-        inside = self._has(old_row, old_column)
-        cells = np.full(len(row), UNKNOWN, np.int8)
-        cells[inside] = self.cells[old_row[inside], old_column[inside]]
+        if rows * columns > MOST_CELLS:
+            raise ValueError(f"{rows} x {columns} cells; a map has {MOST_CELLS} at most")
+        cells = np.full(rows * columns, UNKNOWN, np.int8)
+        for start in range(0, len(cells), _AT_ONCE):
+            part = cells[start : start + _AT_ONCE]
+            row, column = np.divmod(np.arange(start, start + len(part)), columns)
+            centres = np.stack([low[0] + (column + 0.5) * self.resolution, low[1] + (row + 0.5) * self.resolution], 1)
+            back = compose([0.0, 0.0, -angle], np.c_[centres, np.zeros(len(centres))])[:, :2]
+            old_row, old_column = self.cell_of(back)
+            inside = self._has(old_row, old_column)
+            part[inside] = self.cells[old_row[inside], old_column[inside]]
         return replace(self, cells=cells.reshape(rows, columns), origin=(float(low[0]), float(low[1]), 0.0))
 
     def cropped(self, low: tuple[float, float], high: tuple[float, float]) -> OccupancyMap:
@@ -116,9 +126,16 @@ class OccupancyMap:
         return rows[within], columns[within]
 
     def closed(self, corners: Sequence[tuple[float, float]]) -> OccupancyMap:
-        """With the inside of a polygon occupied: a zone in which no robot may be."""
+        """With the inside of a polygon [m] occupied: a zone in which no robot may be.
+
+        Raises:
+            ValueError: it reaches no cell.
+        """
+        reached = self.inside(corners, touched=True)
+        if not reached.any():
+            raise ValueError("nothing of the map lies there")
         cells = self.cells.copy()
-        cells[self.inside(corners, touched=True)] = OCCUPIED
+        cells[reached] = OCCUPIED
         return replace(self, cells=cells)
 
 

@@ -14,7 +14,7 @@ from pydantic_core import ErrorDetails
 from artemis.config import Inconsistent
 from artemis.errors import shown
 from artemis.mounting import Mounting
-from artemis.yaml_file import Document, KeyPath, surprise
+from artemis.yaml_file import Data, Document, KeyPath, dotted, surprise
 
 LAST_BRANCH = "a last branch without `if`"
 """Of `choose`: what other languages call `else`."""
@@ -71,8 +71,14 @@ def nearest(word: str, names: Collection[str], kind: str = "names") -> str:
     return f"; {kind}: " + ", ".join(shown) + (", ..." if len(names) > len(shown) else "")
 
 
+def problems_of(error: ValidationError, values: Data, model: type[BaseModel]) -> list[str]:
+    """What `model` found wrong in values that stand in no file: a line with the key for each."""
+    document = Document("", b"", values, {(): (1, 1)})
+    return [f"{dotted(path)}: {text}" if path else text for path, text in placed(error, document, model, at=())]
+
+
 def plain_words(error: ValidationError) -> list[str]:
-    """What is wrong in values that stand in no file: a line for each."""
+    """The same where the model is not known, in the words of the schema."""
     return [
         f"{'.'.join(map(str, each['loc']))}: {each['msg'].removeprefix('Value error, ')}" for each in error.errors()
     ]

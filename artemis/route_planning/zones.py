@@ -16,6 +16,7 @@ from artemis.config import Config, Quantity
 LEAST_AREA = 1e-4
 """Of a zone [m²]."""
 SUFFIX = ".zones.yaml"
+PLACE_NAME = "^[a-z0-9-]{1,64}$"
 NO_MAP = "a map's zones and places have such a name; name the map otherwise"
 """Why a map is not called so."""
 Coordinate = Annotated[float, Quantity(0.0, 1e6, "m", signed=True)]
@@ -77,7 +78,7 @@ class MapZones(Config):
     """What people know of a map."""
 
     zones: Annotated[tuple[MapZone, ...], Field(strict=False)] = ()
-    places: dict[Annotated[str, Field(pattern="^[a-z0-9-]{1,64}$")], MapPose] = Field(default_factory=dict)
+    places: dict[Annotated[str, Field(pattern=PLACE_NAME)], MapPose] = Field(default_factory=dict)
     """By name: small letters, digits and hyphens."""
 
     @property

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from artemis.cli import app
-from artemis.errors import ConfigError
+from artemis.errors import ArtemisError
 
 
 def call(*words: str | Path) -> str:
@@ -18,6 +18,6 @@ def call(*words: str | Path) -> str:
 
 
 def refused(*words: str | Path) -> str:
-    with pytest.raises(ConfigError) as caught:
+    with pytest.raises(ArtemisError) as caught:
         CliRunner().invoke(app, ["map", *map(str, words)], catch_exceptions=False, standalone_mode=False)
     return str(caught.value)

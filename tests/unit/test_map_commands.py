@@ -18,7 +18,7 @@ from artemis.commands.path_record import MapTrajectory
 from artemis.errors import ConfigError
 from artemis.mapping.graph_file import read_graph
 from artemis.mapping.map_file import read_map
-from artemis.mapping.occupancy import OCCUPIED, occupancy
+from artemis.mapping.occupancy import OCCUPIED, OccupancyMap, occupancy
 from artemis.mapping.se2 import Array, between
 from artemis.route_planning.zones import MapZones
 from artemis_lab.bench.laser_worlds import driven, odometry, seen, walls
@@ -135,11 +135,24 @@ def test_what_cannot_be_is_refused(log: Path, begun: Path, tmp_path: Path) -> No
     other = tmp_path / "n.yaml"
     assert "no loop 999" in refused("edit", begun, "-o", other, "--undo-loop", "999")
     assert "nothing of the map lies there" in refused("edit", begun, "-o", other, "--crop", "90,90,99,99")
+    away = "100,100,200,200,300,100"
+    assert f"--no-go {away}: nothing of the map lies there" in refused("edit", begun, "-o", other, "--no-go", away)
+    assert "-1e+300 is farther than 1e+06 m" in refused("edit", begun, "-o", other, "--crop=-1e300,-1,1e300,1")
+    assert "1e+09 is farther than 1e+06 m" in refused("edit", begun, "-o", other, "--no-go", "1e9,0,0,1,1,1")
+    assert not other.exists()
     assert "expected two opposite corners" in refused("edit", begun, "-o", other, "--crop", "1,1,1,5")
     assert "is an image: name the YAML file" in refused("show", begun.with_suffix(".pgm"))
     assert "--no-go 1,1,2: expected 6 numbers or more" in refused("edit", begun, "-o", other, "--no-go", "1,1,2")
     begun.with_suffix(".graph").unlink()
     assert "no such file" in refused("edit", begun, "-o", other, "--undo-loop", "1")
+
+
+def test_a_map_that_would_be_too_large_is_not_rotated(tmp_path: Path) -> None:
+    large, other = tmp_path / "large.yaml", tmp_path / "other.yaml"
+    write_map(large, OccupancyMap(cells=np.zeros((1, 20_000), np.int8), resolution=0.05, origin=(0.0, 0.0, 0.0)), None)
+    said = refused("edit", large, "-o", other, "--rotate", "45")
+    assert "--rotate 45: 14143 x 14143 cells; a map has 100000000 at most" in said
+    assert not other.exists()
 
 
 @pytest.mark.slow

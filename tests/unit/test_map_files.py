@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from office import OFFICE
 
 from artemis.errors import ConfigError
@@ -16,6 +18,7 @@ from artemis.mapping.key_scans import KeyScans
 from artemis.mapping.map_file import map_files, read_map, read_pgm
 from artemis.mapping.mapper import Mapper
 from artemis.mapping.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap, occupancy
+from artemis.mapping.se2 import compose
 from artemis.whole_files import write_bytes
 from artemis_lab.bench.laser_worlds import SETTINGS, driven, readings
 
@@ -55,6 +58,11 @@ def test_the_written_files_are_those_of_the_savers(tmp_path: Path) -> None:
 )
 def test_text_bytes_and_comments_are_read(tmp_path: Path, pgm: bytes) -> None:
     assert np.array_equal(read_map(placed(tmp_path, YAML, pgm)).cells, CELLS)
+
+
+@pytest.mark.parametrize("end", [b"\n", b" \r\n", b"\n\n\n\n"])
+def test_a_line_end_behind_the_pixels_is_none(end: bytes) -> None:
+    assert read_pgm(b"P5 3 2 255 \xfe\xfe\xcd\xcd\xfe\x00" + end, "x").tolist() == [[254, 254, 205], [205, 254, 0]]
 
 
 @pytest.mark.parametrize(
@@ -109,12 +117,31 @@ def test_a_map_with_fewer_greys_is_read() -> None:
         (YAML.replace("negate: 0", "negate: 2"), b"", "m.yaml:4:1: negate: expected 0 or 1, not 2"),
         (YAML.replace("0.196", "0.9"), b"", "free_thresh: is above occupied_thresh"),
         ("- 1\n", b"", "expected keys and values"),
-        (YAML, b"\x89PNG\r\n", "m.pgm:1: begins with b'\\x89PNG'; expected a PGM image"),
+        ("{}\n", b"", "m.yaml:1:1: image: this key is missing"),
+        (YAML.replace("image: m.pgm\n", ""), b"", "m.yaml:1:1: image: this key is missing"),
+        (YAML.replace("m.pgm", "3"), b"", "m.yaml:1:1: image: expected the name of a PGM file, not 3"),
+        (YAML.replace("resolution: 0.1\n", ""), b"", "m.yaml:1:1: resolution: this key is missing"),
+        (YAML.replace("origin: [-1, -2, 0]\n", ""), b"", "m.yaml:1:1: origin: this key is missing"),
+        (YAML.replace("free_thresh: 0.196\n", ""), b"", "m.yaml:1:1: free_thresh: this key is missing"),
+        (YAML.replace("0.65", ""), b"", "m.yaml:5:1: occupied_thresh: expected a number from 0 to 1, not nothing"),
+        (YAML, b"\x89PNG\r\n", "m.pgm:1: begins with b'\\x89PNG'; expected a PGM image (P2 or P5) of 8 bits: "),
+        (YAML, b"\x89PNG\r\n", "`convert m.pgm -depth 8 NEW.pgm` (ImageMagick; from version 7: `magick`) writes one"),
         (YAML, b"P5\n3 ", "m.pgm:2: ends in its header"),
         (YAML, b"P5\n3 x 255\n", "m.pgm:2: expected width, height and the highest value"),
-        (YAML, b"P5\n3 2 65535\n", "m.pgm:2: 3 x 2 pixels up to 65535; expected"),
+        (YAML, b"P5\n3 2 65535\n", "m.pgm:2: its highest value is 65535; expected a PGM image (P2 or P5) of 8 bits: `"),
+        (YAML, b"P5\n3 2 0\n", "m.pgm:2: its highest value is 0; expected 1 to 255"),
+        (YAML, b"P5\n3 2 70000\n", "m.pgm:2: its highest value is 70000; expected 1 to 255"),
+        (YAML, b"P5\n0 0\n255\n", "m.pgm:3: 0 x 0 pixels; expected 1 x 1 at least"),
+        (YAML, b"P5\n-5 5\n255\n", "m.pgm:3: -5 x 5 pixels; expected 1 x 1 at least"),
+        (YAML, b"P5\n99999 99999\n255\n", "m.pgm:3: 99999 x 99999 pixels; expected 100000000 at most"),
         (YAML, b"P5\n3 2 255\n\x00\x00", "m.pgm: cut off: 2 of 6 pixels"),
-        (YAML, b"P2\n3 2 15\n1 2 3 4 5 77\n", "m.pgm: a pixel of 77; the header says up to 15"),
+        (YAML, b"P2\n3 2 15\n1 2 3 4 5 77\n", "m.pgm: a pixel of 77; the header says 0 to 15"),
+        (YAML, b"P5\n3 2 255\n" + 10 * b"\xfe", "m.pgm: 10 pixels instead of 3 x 2: are width and height"),
+        (YAML, b"P5\n3 2 255\n" + 6 * b"\xfe" + 5 * b"\n", "m.pgm: 11 pixels instead of 3 x 2"),
+        (YAML, b"P2\n3 2 255\n1 2 3 4 5 6 7 8\n", "m.pgm: 8 pixels instead of 3 x 2"),
+        (YAML, b"P2\n3 2 255\n1 2 3 4 5 99999999999999999999999\n", "m.pgm: a pixel of 99999999999999999999999; the"),
+        (YAML, b"P2\n3 2 255\n1 -9 3 4 5 6\n", "m.pgm: a pixel of -9; the header says 0 to 255"),
+        (YAML, b"P2\n3 2 255\n1 2 3 99999999999999999999999 x 6\n", "m.pgm:2: pixels that are no numbers follow"),
         (YAML, b"P2\n3 2 15\n1 2 3 x 5 7\n", "m.pgm:2: pixels that are no numbers follow"),
     ],
 )
@@ -145,9 +172,52 @@ def test_a_map_is_rotated_cropped_and_closed() -> None:
     assert cut.cells.shape == (11, 11)
     with pytest.raises(ValueError, match="nothing"):
         old.cropped((50, 50), (60, 60))
+    with pytest.raises(ValueError, match="nothing of the map lies there"):
+        old.closed([(50.0, 50.0), (60.0, 50.0), (60.0, 60.0)])
     zone = old.closed([(1.0, 2.0), (2.0, 2.0), (2.0, 3.0), (1.0, 3.0)])
     assert (zone.cells == OCCUPIED).sum() == 101
     assert (zone.cells[:10, :10] == OCCUPIED).all()
+
+
+def turned_at_once(old: OccupancyMap, angle: float) -> NDArray[np.int8]:
+    """Its cells, by the middles of all new cells at the same time."""
+    height, width = old.cells.shape
+    corners = np.array([(0, 0, 0), (width, 0, 0), (width, height, 0), (0, height, 0)]) * old.resolution
+    placed = compose(compose([0.0, 0.0, angle], old.origin), corners)[:, :2]
+    low, high = placed.min(0), placed.max(0)
+    columns, rows = np.ceil((high - low) / old.resolution - 1e-9).astype(int)
+    row, column = np.mgrid[0:rows, 0:columns].reshape(2, -1)
+    centres = np.stack([low[0] + (column + 0.5) * old.resolution, low[1] + (row + 0.5) * old.resolution], 1)
+    row, column = old.cell_of(compose([0.0, 0.0, -angle], np.c_[centres, np.zeros(len(centres))])[:, :2])
+    inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+    cells = np.full(len(row), UNKNOWN, np.int8)
+    cells[inside] = old.cells[row[inside], column[inside]]
+    return cells.reshape(rows, columns)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3, np.pi / 2, -2.0])
+def test_a_map_is_rotated_piece_by_piece_as_all_at_once(angle: float) -> None:
+    cells = np.random.default_rng(1).choice(np.array([UNKNOWN, FREE, OCCUPIED], np.int8), (500, 700))
+    old = OccupancyMap(cells=cells, resolution=0.05, origin=(-3.013, 7.7, 0.2))
+    assert np.array_equal(old.rotated(angle).cells, turned_at_once(old, angle))
+
+
+def test_a_large_map_is_rotated_in_little_memory() -> None:
+    old = OccupancyMap(cells=np.zeros((1500, 2000), np.int8), resolution=0.05, origin=(0.0, 0.0, 0.0))
+    tracemalloc.start()
+    try:
+        turned = old.rotated(np.pi / 2)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert turned.cells.shape == (2000, 1500)
+    assert peak < 3e6 + 40e6, "the new map, and what a piece of it takes"
+
+
+def test_a_map_that_would_be_too_large_is_not_rotated() -> None:
+    old = OccupancyMap(cells=np.zeros((8000, 8000), np.int8), resolution=0.05, origin=(0.0, 0.0, 0.0))
+    with pytest.raises(ValueError, match="11314 x 11314 cells; a map has 100000000 at most"):
+        old.rotated(np.pi / 4)
 
 
 def test_a_graph_is_kept_with_its_map(tmp_path: Path) -> None:

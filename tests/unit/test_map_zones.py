@@ -92,6 +92,23 @@ def test_a_file_is_begun_and_emptied(workshop: Path) -> None:
     assert (zones_of(workshop).zones[0].kind, list(zones_of(workshop).places)) == ("prefer", ["a"])
 
 
+@pytest.mark.parametrize(
+    "name", ["1", "010", "1e5", "0x1f", "null", "true", "yes", "on", "-", "--", "---", "-a", "2026-01-01"]
+)
+def test_a_place_may_have_a_name_that_is_a_word_of_yaml(workshop: Path, tmp_path: Path, name: str) -> None:
+    call("edit", workshop, "--place", f"{name}=1,1,0")
+    call("edit", workshop, "-o", tmp_path / "turned.yaml", "--rotate", "180")
+    for file in (workshop, tmp_path / "turned.yaml"):
+        assert name in zones_of(file).places
+        call("edit", file, "--remove-place", name)
+        assert name not in zones_of(file).places
+
+
+def test_a_plain_name_of_a_place_is_written_without_quotes(workshop: Path) -> None:
+    call("edit", workshop, "--place", "desk-2=1,1,0")
+    assert "\n  desk-2: {x_m: 1," in workshop.with_name("workshop.zones.yaml").read_text()
+
+
 def test_a_rotated_map_takes_them_along(workshop: Path, tmp_path: Path) -> None:
     call("edit", workshop, "-o", tmp_path / "turned.yaml", "--rotate", "90", "--place", "desk=-2,2,0")
     turned = zones_of(tmp_path / "turned.yaml")
@@ -147,12 +164,24 @@ def test_a_keep_out_zone_closes_each_cell_that_it_touches() -> None:
         (["--rotate", "3"], "--output MAP: name the corrected map"),
         (["--zone", "x=slow:1,1,2,2,3,1"], "kind: slow and speed_m_s belong together"),
         (["--zone", "x=keep-out:1,1,2,2"], "--zone x 1,1,2,2: expected 6 numbers or more"),
+        (["--zone", "x=keep-out:1,1,2,2,3,3,4"], "--zone x 1,1,2,2,3,3,4: expected 6 numbers or more, in pairs, with"),
+        (["--zone", "x=slow@1,2:1,1,2,2,3,1"], "--zone x, speed 1,2: expected 1 number, not 2"),
+        (["--place", "a=1,2,3,4,5,6"], "--place a 1,2,3,4,5,6: expected 3 numbers with commas, not 6"),
         (["--zone", "keep-out:1,1,2,2,3,3"], "expected NAME=KIND"),
         (["--zone", "x=keep-out:1,1,2,2,3,3"], "--zone x: corners: the corners lie on one line"),
         (["--zone", "x=keep-out:1,1,2,2,2,1,1,2"], "its edges from corner 1 and from corner 3 cross: list the corners"),
         (["--zone", "lane=keep-out:1,1,2,2,3,1"], "there is a zone 'lane' already"),
         (["--place", "store=1,1,1"], "there is a place 'store' already"),
-        (["--place", "Big=1,1,1"], "--place Big: places"),
+        (["--zone", "x=slow:1,1,2,2,3,1"], "--zone x: kind: slow and"),
+        (
+            ["--zone", "r3=keepout:1,1,2,2,3,1"],
+            "--zone r3: kind: expected 'keep-out', 'slow' or 'prefer', found 'keepout'; did you mean keep-out?",
+        ),
+        (["--zone", "x=slow@20:1,1,2,2,3,1"], "--zone x: speed_m_s: expected at most 10, found 20.0"),
+        (["--zone", "x=prefer:1,1,2e6,2,3,1"], "--zone x: corners[1][0]: "),
+        (["--place", "Big=1,1,1"], "--place 'Big': expected a name of small letters, digits and hyphens, 64 at most"),
+        (["--place", "a: b=1,2,3"], "--place 'a: b': expected a name of small letters, digits and hyphens"),
+        (["--place", "a=1,2,400"], "--place a: heading_deg: "),
         (["--place", "a"], "expected NAME=X,Y,DEG"),
         (["--remove-zone", "lan"], "no zone 'lan'; nearest is 'lane'"),
         (["--remove-place", "stor"], "no place 'stor'; nearest is 'store'"),
@@ -231,6 +260,13 @@ def test_a_route_that_cannot_be_is_refused(workshop: Path) -> None:
 
     assert "--from chager: no such place; nearest is 'charger'" in route("chager", "store")
     assert "--to 3,3.5,0: the robot cannot stand there" in route("store", "3,3.5,0")
+    assert "--to 1,2: expected 3 numbers with commas, not 2" in route("store", "1,2")
+    assert "--to 1,2,3,4,5,6: expected 3 numbers with commas, not 6" in route("store", "1,2,3,4,5,6")
+    assert "--to nan,1,2: 'nan' is no finite number" in route("store", "nan,1,2")
+    assert "--from 1,b,2: 'b' is no number" in route("1,b,2", "store")
+    assert "--from 1,,2: '' is no number" in route("1,,2", "store")
+    assert "--to '': no such place; there are charger" in route("store", "")
+    assert "--from '': no such place; there are charger" in route("", "store")
     assert "within its outline and 10 cm is a wall" in route("1,1.5,0", "7.0,0.37,0")
     assert "for the robot's outline: it has none" in route("store", "bench", MISSIONS / "robots" / "artemis.yaml")
     assert "needs all of --from, --to and --robot" in refused("show", workshop, "--from", "store")
