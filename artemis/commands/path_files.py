@@ -38,7 +38,7 @@ def refuse_taken(files: Iterable[Path], force: bool) -> None:
         elif file.exists() and not force:
             problems.append(f"{file}: exists already; choose another name or --force")
     if problems:
-        raise ConfigError(problems)
+        raise ConfigError(list(dict.fromkeys(problems)))
 
 
 def refuse_smoothing(smoothing: float | None) -> list[str]:

@@ -104,14 +104,15 @@ class MapKeys:
     def __init__(self, document: Document) -> None:
         self._document, self.problems = document, list[str]()
         data = document.data if isinstance(document.data, dict) else {}
-        if not isinstance(document.data, dict):
-            self._complain((), "expected keys and values: is it the YAML file of a map?")
+        image = data.get("image")
+        self.image = image if isinstance(image, str) else ""
+        if data.keys().isdisjoint(KEYS):
+            self._complain((), f"expected {', '.join(KEYS)}; is it the YAML file of a map?")
+            return
         for key in data:
             if key not in KEYS:
                 self._complain((key,), f"unknown key; a map has {', '.join(KEYS)}")
         self._data = data
-        image = data.get("image")
-        self.image = image if isinstance(image, str) else ""
         if not self.image:
             self._expected("the name of a PGM file", image, ("image",))
         self.resolution = self._number("resolution", 1e-4, 100.0)

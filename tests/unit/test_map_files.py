@@ -99,6 +99,16 @@ def test_a_wide_threshold_is_no_error_without_unknown_cells(tmp_path: Path, mode
     assert read_map(placed(tmp_path, yaml, f"P2 2 1 255 {grey} 0".encode())).cells[0].tolist() == [0, 100]
 
 
+@pytest.mark.parametrize("text", ["{}\n", "- 1\n", "zones: []\nplaces: {}\n", "robot: x\n"])
+def test_another_file_than_a_maps_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
+    (tmp_path / "m.yaml").write_text(text)
+    with pytest.raises(ConfigError) as refused:
+        read_map(tmp_path / "m.yaml")
+    (problem,) = refused.value.problems
+    assert problem.startswith(f"{tmp_path / 'm.yaml'}:1:1: expected image, resolution, origin")
+    assert problem.endswith("; is it the YAML file of a map?")
+
+
 def test_a_map_with_fewer_greys_is_read() -> None:
     assert read_pgm(b"P2 3 1 15 0 7 15", "x").tolist() == [[0, 119, 255]]
 
@@ -116,8 +126,6 @@ def test_a_map_with_fewer_greys_is_read() -> None:
         (YAML + "mode: grey\n", b"", "m.yaml:7:1: mode: expected trinary, scale, raw, not 'grey'"),
         (YAML.replace("negate: 0", "negate: 2"), b"", "m.yaml:4:1: negate: expected 0 or 1, not 2"),
         (YAML.replace("0.196", "0.9"), b"", "free_thresh: is above occupied_thresh"),
-        ("- 1\n", b"", "expected keys and values"),
-        ("{}\n", b"", "m.yaml:1:1: image: this key is missing"),
         (YAML.replace("image: m.pgm\n", ""), b"", "m.yaml:1:1: image: this key is missing"),
         (YAML.replace("m.pgm", "3"), b"", "m.yaml:1:1: image: expected the name of a PGM file, not 3"),
         (YAML.replace("resolution: 0.1\n", ""), b"", "m.yaml:1:1: resolution: this key is missing"),

@@ -33,6 +33,13 @@ def test_one_file_that_is_there_keeps_all_from_being_written(tmp_path: Path) -> 
     assert [file.name for file in tmp_path.iterdir()] == ["b.csv"]
 
 
+def test_a_folder_that_is_not_there_is_told_once(tmp_path: Path) -> None:
+    nowhere = tmp_path / "nowhere"
+    with pytest.raises(ConfigError) as refused:
+        write_files({nowhere / "a.csv": "123", nowhere / "b.csv": "456"}, force=False)
+    assert refused.value.problems == [f"{nowhere}: no such folder"]
+
+
 def test_a_full_disk_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = Path.write_bytes
 
