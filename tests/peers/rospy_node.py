@@ -26,7 +26,7 @@ def main(far: float) -> None:
     twist = Twist()
     twist.linear.x, twist.angular.z = 0.3, 0.05
     rate = rospy.Rate(20)
-    while place[0] < far:
+    while place[0] < far and not rospy.is_shutdown():
         if len(numbers) >= 20:
             command.publish(twist)
         rate.sleep()

@@ -90,11 +90,16 @@ class Ros:
         return done.stdout
 
     def close(self) -> None:
+        """End them all; none stays behind that takes the processor from other tests."""
         for process in self.running:
             if process.poll() is None:
                 process.terminate()
-        for process in self.running:
-            process.communicate(timeout=DURATION)
+        try:
+            for process in self.running:
+                process.communicate(timeout=DURATION)
+        finally:
+            for process in self.running:
+                process.kill()
 
 
 @pytest.fixture(autouse=True)
