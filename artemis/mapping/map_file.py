@@ -139,21 +139,21 @@ class MapKeys:
 
     def _cells(self, grey: NDArray[np.uint8]) -> NDArray[np.int8]:
         """Probabilities [%] of an image whose row 0 is the lowest."""
-        value = grey.astype(np.int64)
+        value = np.arange(256)
         if self._mode == "raw":
-            raw = 255 - value if self._negate else value
-            return np.where(raw > OCCUPIED, UNKNOWN, raw).astype(np.int8)
-        probability = (value if self._negate else 255 - value) / 255
+            raw = value[::-1] if self._negate else value
+            return np.where(raw > OCCUPIED, UNKNOWN, raw).astype(np.int8)[grey]
+        probability = (value if self._negate else value[::-1]) / 255
         free, occupied = self._limits.free, self._limits.occupied
         if self._mode == MODES[0]:
-            self._refuse_unknown_as_free(int(np.count_nonzero(probability == _UNKNOWN_PROBABILITY)), grey.size)
-        cells = np.full(grey.shape, UNKNOWN, np.int8)
+            self._refuse_unknown_as_free(int(np.count_nonzero((probability == _UNKNOWN_PROBABILITY)[grey])), grey.size)
+        cells = np.full(256, UNKNOWN, np.int8)
         if self._mode == "scale":
             between = (probability - free) / max(occupied - free, 1e-9)
             cells = np.rint(100 * between.clip(0, 1)).astype(np.int8)
         cells[probability <= free] = FREE
         cells[probability >= occupied] = OCCUPIED
-        return cells
+        return cells[grey]
 
     def _refuse_unknown_as_free(self, unknown: int, cells: int) -> None:
         """Refuse a threshold by which cells that the savers of ROS wrote as unknown would be free."""
@@ -227,8 +227,8 @@ def read_pgm(raw: bytes, source: str) -> NDArray[np.uint8]:
         )
     if int(values.max()) > most:
         raise _no_grey(source, int(values[values > most][0]), most)
-    scaled = values.astype(np.int64) * 255 // most if most < 255 else values
-    return scaled.astype(np.uint8).reshape(rows, columns)
+    scaled = (np.arange(most + 1) * 255 // most).astype(np.uint8)
+    return scaled[values].reshape(rows, columns)
 
 
 def _unlike_a_map(columns: int, rows: int, most: int, source: str) -> str:
