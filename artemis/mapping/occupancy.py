@@ -36,7 +36,10 @@ class OccupancyMap:
 
     def points(self, least: int = 65) -> Array:
         """Centres of the cells that are occupied with at least `least` percent, shape (n, 2)."""
-        rows, columns = np.nonzero(self.cells >= least)
+        return self._centres(*np.nonzero(self.cells >= least))
+
+    def _centres(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Array:
+        """Of cells, shape (n, 2)."""
         local = np.stack([columns + 0.5, rows + 0.5, np.zeros(len(rows))], 1) * self.resolution
         return compose(np.array(self.origin), local)[:, :2]
 
@@ -106,14 +109,17 @@ class OccupancyMap:
 
         `touched`: or an edge passes through it, sampled four times in each cell.
         """
-        row, column = (each.reshape(-1) for each in np.indices(self.cells.shape))
-        local = np.stack([column + 0.5, row + 0.5, np.zeros(len(row))], 1) * self.resolution
-        x, y = compose(np.array(self.origin), local)[:, :2].T
-        inside, edges = np.zeros(len(x), bool), list(zip(corners, [*corners[1:], corners[0]], strict=True))
+        rows, columns = (
+            slice(max(int(each.min()) - 1, 0), max(int(each.max()) + 2, 0)) for each in self.cell_of(np.array(corners))
+        )
+        found = np.zeros(self.cells.shape, bool)
+        around = found[rows, columns]
+        row, column = np.indices(around.shape).reshape(2, -1)
+        x, y = self._centres(row + rows.start, column + columns.start).T.reshape(2, *around.shape)
+        edges = list(zip(corners, [*corners[1:], corners[0]], strict=True))
         for (ax, ay), (bx, by) in edges:
             if ay != by:
-                inside ^= ((ay > y) != (by > y)) & (x < (bx - ax) * (y - ay) / (by - ay) + ax)
-        found = inside.reshape(self.cells.shape)
+                around ^= ((ay > y) != (by > y)) & (x < (bx - ax) * (y - ay) / (by - ay) + ax)
         for start, end in edges if touched else ():
             found[self._along(start, end)] = True
         return found
