@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,16 +43,6 @@ class Chart:
     """What `x` is: `TIME` or `PATH`."""
     from_zero: bool = False
     """The axis begins at zero; else zero is marked."""
-
-    @property
-    def known(self) -> bool:
-        """There is something to draw."""
-        return bool(self.drawn)
-
-    @property
-    def drawn(self) -> tuple[ChartLine, ...]:
-        """Lines of which something is known."""
-        return tuple(line for line in self.lines if np.isfinite(line.values).any())
 
 
 def _cross_track(run: Series) -> Iterator[Chart]:
@@ -169,8 +159,15 @@ SECTIONS: tuple[tuple[str, str, Callable[[Series], Iterator[Chart]]], ...] = (
 
 
 def charts_of(run: Series) -> dict[str, list[Chart]]:
-    """Those that have something to show, with the lines that have, by the title of their section."""
-    return {
-        title: [replace(chart, lines=chart.drawn) for chart in charts(run) if chart.known]
-        for title, _, charts in SECTIONS
-    }
+    """Those that have something to show, by the title of their section."""
+    return {title: drawn(charts(run)) for title, _, charts in SECTIONS}
+
+
+def drawn(charts: Iterable[Chart]) -> list[Chart]:
+    """Those that have something to show, with the lines of which something is known."""
+    known = [replace(chart, lines=tuple(filter(_is_known, chart.lines))) for chart in charts]
+    return [chart for chart in known if chart.lines]
+
+
+def _is_known(line: ChartLine) -> bool:
+    return bool(np.isfinite(line.values).any())

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from artemis.motion.clocks import longest_gap
 from artemis.motion.comparison import Comparison
-from artemis.report.charts import DEGREES, MILLI, Chart, ChartLine
+from artemis.report.charts import DEGREES, MILLI, Chart, ChartLine, drawn
 
 TITLE, CAPTION = "Errors", "Distance from the true place, and angle left of the true heading."
 DISTANCE = "distance by the odometry [m]"
@@ -23,7 +23,7 @@ def error_charts(comparison: Comparison) -> list[Chart]:
         Chart(name="heading [°]", digits=3, x=comparison.time, lines=(turned,)),
         Chart(name="place [mm]", digits=2, x=comparison.distance, lines=(place,), over=DISTANCE, from_zero=True),
     )
-    return [chart for chart in charts if chart.known]
+    return drawn(charts)
 
 
 def after_gap(comparison: Comparison) -> NDArray[np.bool_]:
