@@ -171,7 +171,8 @@ class RunRecord:
         files = [self.folder.map, *([loaded.folder / wanted.file] if wanted.file is not None else [])]
         return LiveMap(
             ScanReadings(MapSettings(), loaded.robot, name),
-            dict.fromkeys(files, wanted.resolution_m),
+            files,
+            wanted.resolution_m,
             lambda text: self.recorder.note(Entry(time=self.time, kind="map", text=text)),
             threaded=self.threaded,
             refused=self._keeps_map,

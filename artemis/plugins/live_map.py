@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import ClassVar
 
@@ -10,9 +10,9 @@ from artemis.config import Config
 from artemis.devices.can_bus import Traffic
 from artemis.errors import ConfigError
 from artemis.localisation.warming import warm_up
-from artemis.mapping.graph_file import saved_files
+from artemis.mapping.graph_file import MapGraph, saved_files
 from artemis.mapping.mapper import Mapper
-from artemis.mapping.occupancy import ShownMap, occupancy
+from artemis.mapping.occupancy import OccupancyMap, ShownMap, occupancy
 from artemis.mapping.readings import ScanReadings
 from artemis.mapping.se2 import Array, between, compose
 from artemis.mapping.tracking import NewKey
@@ -41,7 +41,8 @@ class LiveMap:
     def __init__(
         self,
         readings: ScanReadings,
-        outputs: Mapping[Path, float],
+        files: Sequence[Path],
+        resolution: float,
         say: Callable[[str], None],
         *,
         threaded: bool,
@@ -51,12 +52,14 @@ class LiveMap:
 
         Args:
             readings: make readings of the ticks.
-            outputs: the YAML files to write, each with the side of its cells [m].
+            files: the YAML files to write.
+            resolution: side of the cells [m].
             say: is called with what was made.
             threaded: look for loops in a thread of its own.
             refused: asked at the end why one of them is not to be written; empty: it is.
         """
-        self._readings, self._outputs, self._say, self._refused = readings, outputs, say, refused
+        self._readings, self._files, self._resolution = readings, files, resolution
+        self._say, self._refused = say, refused
         self.made, self.unmade = list[str](), list[str]()
         """The files that were written, and of the others why not."""
         self._broken: BaseException | None = None
@@ -96,20 +99,28 @@ class LiveMap:
             return
         mapper.finish()
         graph = mapper.result()
-        for file, resolution in self._outputs.items():
-            if why := self._refused(file):
-                self.unmade.append(f"{file}: {why}")
-                continue
-            try:
-                write_bytes(saved_files(file, occupancy(mapper.keys, resolution), graph))
-                self.made.append(str(file))
-            except (ValueError, ConfigError) as error:
-                self.unmade.append(f"{file}: {error}")
+        try:
+            content = occupancy(mapper.keys, self._resolution)
+        except ValueError as error:
+            self.unmade += [f"{file}: {error}" for file in self._files]
+        else:
+            self._write(content, graph)
         counts = mapper.counts
         self._say(
             f"map: {counts.scans} scans, {counts.unmatched} matched nowhere; {len(mapper.keys)} make it up, with "
             f"{len(mapper.graph.loops)} loops: {', '.join(self.made) or 'no file'}"
         )
+
+    def _write(self, content: OccupancyMap, graph: MapGraph) -> None:
+        for file in self._files:
+            if why := self._refused(file):
+                self.unmade.append(f"{file}: {why}")
+                continue
+            try:
+                write_bytes(saved_files(file, content, graph))
+                self.made.append(str(file))
+            except ConfigError as error:
+                self.unmade.append(f"{file}: {error}")
 
     def shown(self) -> ShownMap | None:
         """The map as it is about now; None: not yet. Who has asked once is shown a new one again and again."""
@@ -120,7 +131,7 @@ class LiveMap:
         """Where the loops are found, behind the key scan of the station: the poses stay as they are meanwhile."""
         self._show_waits = False
         try:
-            content = occupancy(self._mapper.keys, max(self._outputs.values()))
+            content = occupancy(self._mapper.keys, self._resolution)
         except ValueError:  # `close` says what is wrong
             return
         x, y, heading = compose(self._mapper.pose_of(station), between(odometry, [0.0, 0.0, 0.0])).tolist()

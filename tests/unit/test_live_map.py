@@ -52,7 +52,7 @@ def ticks() -> list[Tick]:
 
 def live(folder: Path, said: list[str], *, threaded: bool, resolution: float = 0.05) -> LiveMap:
     readings = ScanReadings(SETTINGS, robot_with("front"), "front")
-    return LiveMap(readings, {folder / "map.yaml": resolution}, said.append, threaded=threaded)
+    return LiveMap(readings, [folder / "map.yaml"], resolution, said.append, threaded=threaded)
 
 
 def driven_with(making: LiveMap, ticks: list[Tick]) -> None:
