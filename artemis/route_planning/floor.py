@@ -28,6 +28,7 @@ BESIDE, NEARNESS = 0.8, 1.0
 """A metre nearer to an obstacle than the first [m] costs up to so much more."""
 MARGIN = 0.05
 """A route is free by the robot's outline and so much on every side [m]."""
+NOT_FREE = "a wall, a keep-out zone, or unknown ground"
 SPARE = 0.02
 """It is sought with so much more [m]: to fit it to the robot may move it."""
 Array = NDArray[np.float64]
@@ -200,10 +201,7 @@ def goal_problem(floor: Floor, robot: RobotFile, goal: Pose, margin: float) -> s
     if not floor.contains(pose):
         return "it lies outside of the map"
     if covered(floor.occupied, pose, outline_box(robot, margin + SPARE)).any():
-        return (
-            "the robot cannot stand there: within its outline and "
-            f"{100 * margin:.0f} cm is a wall, a keep-out zone, or unknown ground"
-        )
+        return f"the robot cannot stand there: within its outline and {100 * margin:.0f} cm is {NOT_FREE}"
     beyond = beyond_edge(floor, robot, pose, margin)
     return beyond and f"the robot cannot stand there: {beyond}"
 

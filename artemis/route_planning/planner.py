@@ -20,6 +20,7 @@ from artemis.route_planning.floor import (
     CELL,
     MARGIN,
     NEARNESS,
+    NOT_FREE,
     Field,
     Floor,
     beyond_edge,
@@ -207,8 +208,7 @@ class _Planning:
         """What is said besides if the robot stands where the map shows something."""
         if not covered(self._floor.occupied, self._start, outline_box(self._request.robot, 0.0), reach=0.0).any():
             return ""
-        shown = "a wall, a keep-out zone, or unknown ground"
-        return f"; where the robot stands, the map shows {shown}: is its pose right?"
+        return f"; where the robot stands, the map shows {NOT_FREE}: is its pose right?"
 
     def _no_path(self, row: int, column: int) -> str:
         """Why the goal cannot be reached from a cell; the margin, if a robot with the usual one could get there."""
