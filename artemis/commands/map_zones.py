@@ -8,23 +8,17 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
-
-from pydantic import ValidationError
 
 from artemis.commands.map_files import numbers
-from artemis.config import Config
 from artemis.errors import ConfigError, shown, similar
 from artemis.mapping.occupancy import OccupancyMap
 from artemis.mission.loading import load_model
-from artemis.mission.problems import problems_of
+from artemis.mission.problems import checked
 from artemis.mission.zones import HEAD, read_zones, with_zone, without_zones, write_zones, zones_in
 from artemis.route_planning.floor import outside
 from artemis.route_planning.zones import PLACE_NAME, MapPose, MapZone, MapZones, in_digits, zone_line, zones_file
 from artemis.yaml_edit import with_line, without_line
 from artemis.yaml_file import Data, scalar
-
-Model = TypeVar("Model", bound=Config)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,7 +124,7 @@ def _zone(text: str) -> MapZone:
     given = numbers(corners, f"--zone {name}", 6, more=True)
     points: list[Data] = [[x, y] for x, y in zip(given[::2], given[1::2], strict=True)]
     slow = {"speed_m_s": numbers(speed, f"--zone {name}, speed", 1)[0]} if speed else {}
-    return _valid(MapZone, {"name": name, "kind": kind, "corners": points, **slow}, f"--zone {name}")
+    return checked(MapZone, {"name": name, "kind": kind, "corners": points, **slow}, f"--zone {name}")
 
 
 def _place(text: str) -> tuple[str, str]:
@@ -141,7 +135,7 @@ def _place(text: str) -> tuple[str, str]:
     if not re.fullmatch(PLACE_NAME, name):
         raise ConfigError(f"--place {shown(name)}: expected a name of small letters, digits and hyphens, 64 at most")
     x, y, heading = numbers(pose, f"--place {name}", 3)
-    _valid(MapPose, {"x_m": x, "y_m": y, "heading_deg": heading}, f"--place {name}")
+    checked(MapPose, {"x_m": x, "y_m": y, "heading_deg": heading}, f"--place {name}")
     return name, _place_line(name, x, y, heading)
 
 
@@ -156,15 +150,3 @@ def _is_text(name: str) -> bool:
         return scalar(name) == name
     except ConfigError:
         return False
-
-
-def _valid(model: type[Model], values: dict[str, Data], option: str) -> Model:
-    """Values of an option, checked.
-
-    Raises:
-        ConfigError: one is wrong.
-    """
-    try:
-        return model.model_validate(values)
-    except ValidationError as error:
-        raise ConfigError([f"{option}: {line}" for line in problems_of(error, values, model)]) from None

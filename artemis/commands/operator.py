@@ -9,7 +9,6 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from pydantic import ValidationError
 
@@ -21,12 +20,10 @@ from artemis.bridges.operator.pairing import (
     secret_from,
     write_secret,
 )
-from artemis.config import Config
 from artemis.errors import ConfigError
 from artemis.mission.actions import PluginUse
 from artemis.mission.files import read_data
 from artemis.mission.loading import load_mission, plugin_from
-from artemis.mission.problems import plain_words
 from artemis.plugins.contracts import InputDevice, PluginContext
 from artemis.plugins.inputs.network import PORT
 from artemis.plugins.stated import input_speed
@@ -59,7 +56,7 @@ class DeviceChoice:
             ConfigError: something is wrong with its keys.
         """
         use, folder, files = self._use()
-        plugin, config = _plugin_from(use)
+        plugin, config = plugin_from("artemis.inputs", use)
         limit = context.robot.limits.speed_m_s
         if (speed := input_speed(config)) is not None and speed > limit:
             config = config.model_copy(update={"max_speed_m_s": limit})
@@ -99,7 +96,7 @@ class DeviceChoice:
         name = "gamepad" if self.name == STICK else self.name
         _refuse_network(name)
         use = PluginUse.model_validate({"plugin": name, **keys})
-        _plugin_from(use)
+        plugin_from("artemis.inputs", use)
         named = [value for key, value in keys.items() if key == "file" or key.endswith("_file")]
         return use, Path(), {str(value): read_data(Path(str(value))) for value in named}
 
@@ -207,10 +204,3 @@ def robot_from(told: bytes) -> RobotFile:
 def _refuse_network(plugin: str) -> None:
     if plugin == "network":
         raise ConfigError("--input: `network` is the robot's side; here a device is meant, such as stick or keyboard")
-
-
-def _plugin_from(use: PluginUse) -> tuple[Any, Config]:
-    try:
-        return plugin_from("artemis.inputs", use)
-    except ValidationError as error:
-        raise ConfigError([f"--input {use.plugin}: {problem}" for problem in plain_words(error)]) from None

@@ -20,7 +20,7 @@ from artemis.families.objects import FOLLOWING_ERROR
 from artemis.mission.actions import PluginUse
 from artemis.mission.injector import FaultInjector, installed_injector
 from artemis.mission.obstacles import Obstacles
-from artemis.mission.problems import by_position, nearest, problems_from
+from artemis.mission.problems import by_position, checked, nearest, problems_from
 from artemis.mission.reading import Configs, Model
 from artemis.mission.schema import SLOWEST, InjectedFault, Mission, RecoveryPolicy
 from artemis.mission.starts import far_starts, start_pose
@@ -126,12 +126,12 @@ def model_of(raw: bytes, source: str, model: type[Model]) -> Model:
 def plugin_from(group: str, use: PluginUse) -> tuple[Any, Config]:
     """The class of a plugin, and its options as the class's own `Config`.
 
-    Raises PluginError: no such plugin, or a broken one. ValidationError: the options are wrong.
+    Raises PluginError: no such plugin, or a broken one. ConfigError: the options are wrong.
     """
     from artemis.plugins.registry import load
 
     plugin = load(group, use.plugin)
-    config: Config = plugin.Config.model_validate(use.options)
+    config: Config = checked(plugin.Config, use.options, use.plugin)
     return plugin, config
 
 

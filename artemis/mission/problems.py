@@ -5,14 +5,14 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Collection, Iterator, Mapping
-from typing import Any, cast, get_args
+from typing import Any, TypeVar, cast, get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic.json_schema import SkipJsonSchema
 from pydantic_core import ErrorDetails
 
 from artemis.config import Inconsistent
-from artemis.errors import shown
+from artemis.errors import ConfigError, shown
 from artemis.mounting import Mounting
 from artemis.yaml_file import Data, Document, KeyPath, dotted, surprise
 
@@ -21,6 +21,8 @@ LAST_BRANCH = "a last branch without `if`"
 UNKNOWN_KEY = "unknown key"
 NO_ELSE = f"{UNKNOWN_KEY}; write {LAST_BRANCH}"
 _MAX_NAMED = 12
+
+Model = TypeVar("Model", bound=BaseModel)
 
 _INNER = cast(type, SkipJsonSchema)  # marks a field that is no key of a file
 _REPLACED = {
@@ -71,17 +73,18 @@ def nearest(word: str, names: Collection[str], kind: str = "names") -> str:
     return f"; {kind}: " + ", ".join(shown) + (", ..." if len(names) > len(shown) else "")
 
 
-def problems_of(error: ValidationError, values: Data, model: type[BaseModel]) -> list[str]:
-    """What `model` found wrong in values that stand in no file: a line with the key for each."""
-    document = Document("", b"", values, {(): (1, 1)})
-    return [f"{dotted(path)}: {text}" if path else text for path, text in placed(error, document, model, at=())]
+def checked(model: type[Model], values: Mapping[str, object], source: str = "") -> Model:
+    """Values that stand in no file; `source`: where they do stand, in words.
 
-
-def plain_words(error: ValidationError) -> list[str]:
-    """The same where the model is not known, in the words of the schema."""
-    return [
-        f"{'.'.join(map(str, each['loc']))}: {each['msg'].removeprefix('Value error, ')}" for each in error.errors()
-    ]
+    Raises:
+        ConfigError: some are wrong; a line with source and key for each.
+    """
+    try:
+        return model.model_validate(values)
+    except ValidationError as error:
+        document = Document("", b"", cast(Data, values), {(): (1, 1)})
+        found = placed(error, document, model, at=())
+        raise ConfigError([": ".join(filter(None, (source, dotted(path), text))) for path, text in found]) from None
 
 
 def describe(value: object) -> str:

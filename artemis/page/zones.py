@@ -7,11 +7,9 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from artemis.bridges.page.session import ZoneChange
 from artemis.errors import ArtemisError, ConfigError
-from artemis.mission.problems import plain_words
+from artemis.mission.problems import checked
 from artemis.mission.zones import read_zones, with_zone, without_zones, write_zones, zones_in
 from artemis.page.view import Part
 from artemis.route_planning.zones import MapZone, zones_file
@@ -77,10 +75,7 @@ class ZoneFiles:
 def _zone(change: ZoneChange) -> MapZone:
     """A zone that was drawn. Raises ConfigError: it is none."""
     corners = [[round(x, DIGITS), round(y, DIGITS)] for x, y in change.corners]
-    try:
-        return MapZone.model_validate({"kind": "keep-out", "name": change.name or None, "corners": corners})
-    except ValidationError as error:
-        raise ConfigError(plain_words(error)) from None
+    return checked(MapZone, {"kind": "keep-out", "name": change.name or None, "corners": corners})
 
 
 def _tag(raw: bytes) -> str:

@@ -78,7 +78,10 @@ def test_pairing_both_sides(folder: Path) -> None:
         (["127.0.0.1", "--input", "nothing"], "no plugin 'nothing'"),
         (["127.0.0.1", "--input", "network"], "`network` is the robot's side"),
         (["127.0.0.1", "--input", "keyboard", "--option", "speed"], "--option speed: write a key of the input"),
-        (["127.0.0.1", "--input", "keyboard", "--option", "sped=1"], "--input keyboard: sped: Extra inputs"),
+        (
+            ["127.0.0.1", "--input", "keyboard", "--option", "sped=1"],
+            "keyboard: sped: unknown key; known keys: max_speed_m_s, ",
+        ),
         (["127.0.0.1", "--mission", str(MISSIONS / "teleop_joystick.yaml"), "--input", "x"], "there are: stick"),
         (["127.0.0.1", "--tls", "none.pem"], "--tls none.pem: No such file"),
         (["127.0.0.1", "--secret", "none"], "none: there is no secret yet: artemis operator pair"),

@@ -140,7 +140,7 @@ def test_a_plugin_comes_with_its_options_as_its_own_config() -> None:
     assert isinstance(config, IndiveriFollower.Config)
     with pytest.raises(PluginError, match="nobody"):
         plugin_from("artemis.followers", PluginUse(plugin="nobody"))
-    with pytest.raises(ValidationError):
+    with pytest.raises(ConfigError, match="indiveri: speed_m_s: this key is missing"):
         plugin_from("artemis.followers", PluginUse(plugin="indiveri"))
 
 

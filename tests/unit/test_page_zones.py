@@ -63,7 +63,7 @@ def test_a_map_that_has_no_zones_gets_its_file(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "why"),
     [
-        ({"corners": SQUARE[:2]}, "corners: "),
+        ({"corners": SQUARE[:2]}, "corners: expected a list of at least 3, found a list of 2"),
         ({"corners": ((0.0, 0.0), (1.0, 1.0), (2.0, 2.0))}, "on one line"),
         ({"corners": SQUARE, "name": "under-the-crane"}, "already"),
         ({"corners": SQUARE, "known": "of yesterday"}, "another operator has changed"),
