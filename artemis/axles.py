@@ -157,7 +157,7 @@ class ByHand(Config):
 
 
 class HardStop(Config):
-    """Nothing measures the angle: whenever the drives are brought up the motor looks for the end of its way."""
+    """Nothing measures the angle: whenever the drives are brought up the motor looks for the end of its travel."""
 
     angle: Literal["hard_stop"]
     """Whenever the drives are brought up the motor turns to one end of its travel, until it is held."""

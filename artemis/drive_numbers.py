@@ -35,9 +35,9 @@ class Commanded:
     """Highest velocity that is commanded, or allowed."""
     ramp_rpm_s: float
     quick_stop_rpm_s: float
-    way_deg: float = 0.0
+    travel_deg: float = 0.0
     """From one end of its position limits to the other [degrees of the wheel]; 0: it has none."""
-    way_counts: float = 0.0
+    travel_counts: float = 0.0
     """The same as it counts."""
 
 
@@ -49,10 +49,10 @@ def asked_of_traction(drive: Drive, metres_per_count: float, speed: float, quick
 
 def asked_of_steering(drive: Drive, geometry: Geometry, steering_deg: float, source: AnyAngleSource) -> Commanded:
     """For a largest angle of the virtual front wheel, and what tells its own angle."""
-    way = _way_deg(geometry, steering_deg, source)
-    counts = drive.counts_per_wheel_turn / source.scale / 360.0 * way
+    travel = _travel_deg(geometry, steering_deg, source)
+    counts = drive.counts_per_wheel_turn / source.scale / 360.0 * travel
     ramp, top = STEERING_RAMP, drive.motor.max_speed_rpm
-    return Commanded(top_rpm=top, ramp_rpm_s=ramp, quick_stop_rpm_s=ramp, way_deg=way, way_counts=counts)
+    return Commanded(top_rpm=top, ramp_rpm_s=ramp, quick_stop_rpm_s=ramp, travel_deg=travel, travel_counts=counts)
 
 
 def misfits(drive: Drive, asked: Commanded) -> Iterator[tuple[KeyPath, str]]:
@@ -64,12 +64,12 @@ def misfits(drive: Drive, asked: Commanded) -> Iterator[tuple[KeyPath, str]]:
     if counts > most:
         text = f"at {rpm} rpm (max_speed_rpm) its 32-bit position counter would overflow in less than a second"
         yield ("sensor", "counts_per_turn"), f"{text}: expected at most {most}, found {counts}"
-    if asked.way_counts > HIGHEST:
-        text = f"from lock to lock, {asked.way_deg:.0f} degrees of the wheel, {family.title} would count"
+    if asked.travel_counts > HIGHEST:
+        text = f"from lock to lock, {asked.travel_deg:.0f} degrees of the wheel, {family.title} would count"
         text += (
-            f" {asked.way_counts:.4g} (gear_ratio {drive.gear_ratio:g}); its positions have 32 bit: expected at most"
+            f" {asked.travel_counts:.4g} (gear_ratio {drive.gear_ratio:g}); its positions have 32 bit: expected at most"
         )
-        most = int(counts * HIGHEST / asked.way_counts)
+        most = int(counts * HIGHEST / asked.travel_counts)
         yield ("sensor", "counts_per_turn"), f"{text} {most}, found {counts}"
 
 
@@ -98,7 +98,7 @@ def _ramps(drive: Drive, asked: Commanded) -> Iterator[float]:
         yield asked.quick_stop_rpm_s
 
 
-def _way_deg(geometry: Geometry, steering_deg: float, source: AnyAngleSource) -> float:
+def _travel_deg(geometry: Geometry, steering_deg: float, source: AnyAngleSource) -> float:
     """From one end of a steering drive's position limits to the other [degrees], at most."""
     steering = radians(steering_deg)
     if isinstance(geometry.linkage, tuple):

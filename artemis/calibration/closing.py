@@ -1,6 +1,6 @@
 """Calibration without a truth: runs that end where they began, or a measured bit beside (Borenstein and Feng 1996).
 
-What the odometry says of the whole run must be what was measured at its end. Runs round both ways tell a wrong
+What the odometry says of the whole run must be what was measured at its end. Runs in both directions tell a wrong
 wheelbase from a wrong steering zero. Only three numbers come of a run, so most parameters are held.
 """
 

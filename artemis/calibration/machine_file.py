@@ -110,7 +110,7 @@ def log_from_table(text: str, source: str, machine: Machine) -> tuple[WheelLog, 
             table.report_file(f"{len(columns['time'])} rows; expected at least {LEAST_TICKS}")
     table.raise_problems()
     sides = machine.sides
-    distances = [_way(columns[name], machine) for name in sides[:2]]
+    distances = [_distance(columns[name], machine) for name in sides[:2]]
     angles = [(columns[name] - machine.steering_zero) * machine.radians_per_steering_unit for name in sides[2:]]
     time = columns["time"]
     log = WheelLog(
@@ -127,7 +127,7 @@ def log_from_table(text: str, source: str, machine: Machine) -> tuple[WheelLog, 
     return log, Trajectory(time=time, poses=np.column_stack([columns["true_x"], columns["true_y"], heading]))
 
 
-def _way(counts: Array, machine: Machine) -> Array:
+def _distance(counts: Array, machine: Machine) -> Array:
     summed = np.cumsum(counts) if machine.counts == "each_row" else counts
     return np.asarray(machine.metres_per_count * summed)
 

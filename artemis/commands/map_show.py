@@ -65,10 +65,10 @@ def show_map(file: Path, figure: Path | None, wanted: tuple[str, str, Path] | No
         say_zones(file, zones, content)
     route = planned(content, zones, *wanted) if wanted is not None else None
     if route is not None:
-        length, reversals = route.way.length, len(route.way.parts) - 1
+        length, reversals = route.path.length, len(route.path.parts) - 1
         _row("route", f"{length:.1f} m, {reversals} reversals, {100 * route.margin:.0f} cm around the outline")
     if figure is not None:
-        _draw(content, graph, zones, None if route is None else route.way, figure)
+        _draw(content, graph, zones, None if route is None else route.path, figure)
 
 
 def _say(graph: MapGraph) -> None:
@@ -95,7 +95,7 @@ def _row(name: str, words: str) -> None:
 class ShownRoute:
     """A route for people."""
 
-    way: Route
+    path: Route
     margin: float
     """Around the outline [m]."""
 
@@ -131,7 +131,7 @@ def planned(content: OccupancyMap, zones: MapZones, begin: str, end: str, robot_
     found = plan_route(request)
     if not found.values:
         raise ConfigError(f"from {begin} to {end}: {found.detail}")
-    return ShownRoute(way=unpacked_route(found.values), margin=margin)
+    return ShownRoute(path=unpacked_route(found.values), margin=margin)
 
 
 def _pose(option: str, words: str, zones: MapZones) -> Pose:

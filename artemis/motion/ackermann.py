@@ -125,7 +125,7 @@ class Ackermann:
     def twist_from_wheels(
         self, speed_left: float, speed_right: float, steering: float, rate_left: float = 0.0, rate_right: float = 0.0
     ) -> tuple[float, float]:
-        """Inverse of `wheel_speeds`: least squares over both driven wheels; takes ways for speeds as well.
+        """Inverse of `wheel_speeds`: least squares over both driven wheels; takes distances for speeds as well.
 
         Returns:
             Speed of the virtual wheel, and how far each wheel is from rolling with it (root mean square, >= 0).

@@ -82,7 +82,7 @@ class ChargeEstimate:
         self._idle_per_metre = min(battery.idle_w / usual, 0.5 * battery.joules_per_metre)
         self._drive_per_metre = battery.joules_per_metre - self._idle_per_metre
         """Of the last metres, both as the robot file has them [J/m]."""
-        self._way = FIRST_M
+        self._recent = FIRST_M
         self._under_load = self._joules = self._drive_watts = 0.0
         self._seconds = self._stood = self._volts = self._idle_share = self._drive_share = 0.0
         """Since the last correction: time, also at standstill, voltage times time, shares of the capacity as the robot
@@ -103,9 +103,9 @@ class ChargeEstimate:
         self._drive_watts = smoothed(self._drive_watts, drive, dt, RECENT_S)
         self._under_load = smoothed(self._under_load, volts, dt, UNDER_LOAD)
         if driven > 0.0:
-            self._way = min(self._way + driven, RECENT_M)
-            self._idle_per_metre += (battery.idle_w * dt - self._idle_per_metre * driven) / self._way
-            self._drive_per_metre += (drive * dt - self._drive_per_metre * driven) / self._way
+            self._recent = min(self._recent + driven, RECENT_M)
+            self._idle_per_metre += (battery.idle_w * dt - self._idle_per_metre * driven) / self._recent
+            self._drive_per_metre += (drive * dt - self._drive_per_metre * driven) / self._recent
         self._seconds += dt
         self._stood += dt if driven <= STANDS * dt else 0.0
         self._volts += volts * dt
@@ -194,7 +194,7 @@ class ChargeEstimate:
         _, slope = battery.voltage_at(charge)
         of_charge = max(var[CHARGE][CHARGE], 0.0) + (CURVE / slope) ** 2
         of_both = (idle * var[CHARGE][IDLE] + force * var[CHARGE][FORCE]) / per_metre
-        of_way = (
+        of_distance = (
             idle * idle * var[IDLE][IDLE] + 2.0 * idle * force * var[IDLE][FORCE] + force * force * var[FORCE][FORCE]
         ) / (per_metre * per_metre)
         return BatteryState(
@@ -204,7 +204,7 @@ class ChargeEstimate:
             watts=self._scaled(battery.idle_w, drive),
             joules=self._joules,
             range_m=usable * all_of_it,
-            range_std_m=all_of_it * sqrt(max(of_charge - 2.0 * usable * of_both + usable * usable * of_way, 0.0)),
+            range_std_m=all_of_it * sqrt(max(of_charge - 2.0 * usable * of_both + usable * usable * of_distance, 0.0)),
             time_left_s=joules / max(self._scaled(battery.idle_w, self._drive_watts), 1e-3),
         )
 

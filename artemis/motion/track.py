@@ -82,11 +82,11 @@ class Track:
     def _reach(self, pose: Pose) -> float:
         """How far a pose is from the last one kept [m], in the direction in which that was reached."""
         before, last = self.poses[-2:]
-        return math.copysign(1.0, _way(before, last)) * _way(last, pose)
+        return math.copysign(1.0, _ahead(before, last)) * _ahead(last, pose)
 
     def legs(self) -> list[tuple[list[Pose], bool]]:
         """The poses between two changes of direction, and whether they were driven backwards."""
-        distance = np.cumsum([0.0, *(_way(before, pose) for before, pose in pairwise(self.poses))])
+        distance = np.cumsum([0.0, *(_ahead(before, pose) for before, pose in pairwise(self.poses))])
         return [
             (self.poses[begin : end + 1], bool(distance[end] < distance[begin])) for begin, end in one_way(distance)
         ]
@@ -174,6 +174,6 @@ def one_way(distance: Array) -> list[tuple[int, int]]:
     return [*stretches, (begin, furthest)] if sign else stretches
 
 
-def _way(pose: Pose, other: Pose) -> float:
+def _ahead(pose: Pose, other: Pose) -> float:
     """How far ahead of a pose another one is [m]."""
     return (other.x - pose.x) * math.cos(pose.heading) + (other.y - pose.y) * math.sin(pose.heading)

@@ -23,7 +23,7 @@ from artemis.values import Event, Fault, Pose, Severity, Snapshot, Tracking, Wis
 
 START_DISTANCE, START_ANGLE = 1.0, math.radians(60)
 """A path is not begun from further away or more askew than this [m, rad] (PTH-05)."""
-ARMING_WAY, CONVERGENCE_WAY = 1.0, 5.0
+ARMED_AFTER, ARMED_AT_LAST = 1.0, 5.0
 """The limit of the cross-track error counts once it was kept while the robot drove the first so much [m], at the latest
 after the second."""
 SLACK, SLOWEST = 10.0, 0.05
@@ -48,7 +48,7 @@ class FollowMode:
     _speed: float
     _longest: float
     _last: float | None  # and these to what was entered last
-    _way: float
+    _driven: float
     _outside: float
     _armed: bool
     _short: str
@@ -165,12 +165,12 @@ class FollowMode:
         if self._last is None:
             if away > START_DISTANCE or abs(tracking.heading_error) > START_ANGLE:
                 return catalogue.fault("PTH-05", "", _seen(tracking))
-            self._last, self._way, self._outside = distance, 0.0, 0.0
-        self._way += abs(distance - self._last)
+            self._last, self._driven, self._outside = distance, 0.0, 0.0
+        self._driven += abs(distance - self._last)
         self._last = distance
         if away > limit:
-            self._outside = self._way
-        self._armed = self._armed or self._way - self._outside >= ARMING_WAY or self._way >= CONVERGENCE_WAY
+            self._outside = self._driven
+        self._armed = self._armed or self._driven - self._outside >= ARMED_AFTER or self._driven >= ARMED_AT_LAST
         return catalogue.fault("PTH-06", "", _seen(tracking)) if self._armed and away > limit else None
 
     def _overrun(self, tracking: Tracking, end: float, distance: float) -> Fault | None:

@@ -43,7 +43,7 @@ AGAIN = radians(0.5)
 MEETINGS = 4
 """After being held so often, never twice at one place, it gives up."""
 TRAVEL = radians(2.0)
-"""The way between both stops may differ by this much from the robot file's [rad]: `scale` may not be calibrated yet."""
+"""Travel between both stops may differ so much from the robot file's [rad]: `scale` may not be calibrated yet."""
 BEYOND = radians(20.0)
 """No wheel stands farther beyond the largest angle of the gate [rad]."""
 ROUND_TRIP = 0.02
@@ -288,9 +288,9 @@ def _virtual(shared: Shared, angle: float) -> float:
     return min(max(Ackermann(shared.plan.robot.geometry).steering_from_left(angle), -limit), limit)
 
 
-def _not_found(name: str, what: str, way: float) -> Fault:
-    """Of a motor that turned `ROUNDS` times by `way` [rad]."""
-    return catalogue.fault("CAL-03", name, f"{what} within {ROUNDS * degrees(abs(way)):.0f} degrees")
+def _not_found(name: str, what: str, travel: float) -> Fault:
+    """Of a motor that turned `ROUNDS` times by `travel` [rad]."""
+    return catalogue.fault("CAL-03", name, f"{what} within {ROUNDS * degrees(abs(travel)):.0f} degrees")
 
 
 class _Held:

@@ -276,11 +276,13 @@ def _snapshot(tick: int, scans: tuple[Scan, ...], odometry: Odometry, last: SetP
     )
 
 
-def _rolled(x: float, y: float, heading: float, way: float, steering: float, wheelbase: float) -> tuple[float, ...]:
+def _rolled(
+    x: float, y: float, heading: float, distance: float, steering: float, wheelbase: float
+) -> tuple[float, ...]:
     """Where the rear axle is after the virtual front wheel rolled so far."""
-    turn = way * math.sin(steering) / wheelbase
+    turn = distance * math.sin(steering) / wheelbase
     middle = heading + turn / 2.0
-    ahead = way * math.cos(steering)
+    ahead = distance * math.cos(steering)
     return x + ahead * math.cos(middle), y + ahead * math.sin(middle), heading + turn
 
 

@@ -123,14 +123,14 @@ def localised(log: Path, relations: Path, split: float, *, cells: bool) -> Local
     _driven(known, [readings[n] for n in first[:50]], poses[first[0]])  # compiles
     found, seconds, _ = _driven(known, [readings[n] for n in first], poses[first[0]])
     at = np.array([each.pose for each in found])
-    way = Stations()  # between the scans the poses follow the odometry
+    stations = Stations()  # between the scans the poses follow the odometry
     for reading in readings[: first[-1] + 1]:
         if reading.points is None:
-            way.pass_by(reading.time, reading.odometry)
+            stations.pass_by(reading.time, reading.odometry)
         else:
-            way.stop(reading, 0, at[0])
+            stations.stop(reading, 0, at[0])
     until = verified.until(max(readings[n].time for n in first))
-    metres, degrees = errors(until, *way.trajectory(at))
+    metres, degrees = errors(until, *stations.trajectory(at))
     off = at - poses[first]
     rests = [
         (start, [n for n in first if start <= readings[n].time - times[0] < start + _PATIENCE]) for start in _STARTS

@@ -205,10 +205,10 @@ def _fail_potentiometer(stage: Stage, node: str | None, number: int, failure: Po
     failures = _wheel(stage, node).failures
     failures[number - 1] = failure
 
-    def mend() -> None:
+    def restore() -> None:
         failures.pop(number - 1, None)
 
-    return mend
+    return restore
 
 
 def _offset(stage: Stage, node: str | None, p: Offset) -> Undo:

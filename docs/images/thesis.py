@@ -192,11 +192,11 @@ def _circle(axes: list[Axes], run: Drive, part: NDArray[np.bool_], steering: flo
     x, y, heading = odometry[0]
     c, s = np.cos(heading), np.sin(heading)
     place = (odometry[:, :2] - (x, y)) @ np.array([[c, -s], [s, c]])
-    ways = run.wheels[part, :2] - run.wheels[part][0, :2]
+    rolled = run.wheels[part, :2] - run.wheels[part][0, :2]
     name = f"{np.degrees(steering):.0f}°"
     found = [("Ackermann, rear axle", rear, place)]
     for words, base in (("its track", track), ("difference of the radii as track", right - left)):
-        found.append((f"differential drive, {words}", front, _differential(ways, base, wheelbase, steering)))
+        found.append((f"differential drive, {words}", front, _differential(rolled, base, wheelbase, steering)))
     circle = np.linspace(0.0, 2.0 * pi, 400)
     for ax, radius in zip(axes, (rear, front), strict=True):
         ax.plot(radius * np.cos(circle), rear + radius * np.sin(circle), "--", color=INK, linewidth=1.0, zorder=5)
@@ -209,13 +209,13 @@ def _circle(axes: list[Axes], run: Drive, part: NDArray[np.bool_], steering: flo
     ]
 
 
-def _differential(ways: Array, track: float, ahead: float, steering: float) -> Array:
+def _differential(rolled: Array, track: float, ahead: float, steering: float) -> Array:
     """Places (n, 2) of a differential drive `ahead` [m] of the origin that begins in the direction `steering` [rad]."""
-    steps = np.diff(ways, axis=0)
+    steps = np.diff(rolled, axis=0)
     turn = (steps[:, 1] - steps[:, 0]) / track
     middle = steering + np.cumsum(turn) - turn / 2.0
-    way = steps.mean(axis=1)[:, np.newaxis] * np.column_stack([np.cos(middle), np.sin(middle)])
-    places: Array = np.array([ahead, 0.0]) + np.vstack([np.zeros(2), np.cumsum(way, axis=0)])
+    moved = steps.mean(axis=1)[:, np.newaxis] * np.column_stack([np.cos(middle), np.sin(middle)])
+    places: Array = np.array([ahead, 0.0]) + np.vstack([np.zeros(2), np.cumsum(moved, axis=0)])
     return places
 
 
@@ -353,18 +353,18 @@ def draw_causes(missions: Path) -> list[str]:
 
 
 def by_the_thesis(run: Drive) -> Array:
-    """Poses (n, 3) by equations 3.18 to 3.21, with the way that 3.20 lacks, at 30 Hz, held in between."""
+    """Poses (n, 3) by equations 3.18 to 3.21, with the distance that 3.20 lacks, at 30 Hz, held in between."""
     times = np.arange(run.odometry.time[0], run.odometry.time[-1], 1.0 / ODOMETRY_HZ)
     wheels = np.column_stack([np.interp(times, run.odometry.time, column) for column in run.wheels.T])
     car = Ackermann(run.geometry)
     x, y, heading = run.odometry.poses[0]
     poses = [(x, y, heading)]
     for before, after in pairwise(wheels):
-        way = float(after[0] - before[0] + after[1] - before[1]) / 2.0
+        distance = float(after[0] - before[0] + after[1] - before[1]) / 2.0
         steering = car.steering_from_wheel_angles(after[2], after[3])
-        x += way * np.cos(heading) * np.cos(steering)
-        y += way * np.sin(heading) * np.cos(steering)
-        heading += way * np.sin(steering) / car.wheelbase
+        x += distance * np.cos(heading) * np.cos(steering)
+        y += distance * np.sin(heading) * np.cos(steering)
+        heading += distance * np.sin(steering) / car.wheelbase
         poses.append((x, y, heading))
     return np.array(poses)[np.searchsorted(times, run.odometry.time, side="right") - 1]
 

@@ -38,9 +38,9 @@ from artemis.values import DriveCommand, Pose, Snapshot
 from artemis.vehicle import WishedSpeed
 
 APPROACH, LAG = 1.5, 0.15
-"""Ways for which the robot's smallest radius is the measure: the approach, and what the robot rolls at most while its
-wheels turn to where they should be. For a start off the path or askew, and for kinks, it slows down by that, if need be
-almost to standstill."""
+"""Distances for which the robot's smallest radius is the measure: the approach, and what the robot rolls at most while
+its wheels turn to where they should be. For a start off the path or askew, and for kinks, it slows down by that, if
+need be almost to standstill."""
 NARROWEST = 0.2
 """Least 1 - kappa_p e: nearer to the centre of curvature, or beyond it, the law's first term would have no bound."""
 
