@@ -118,7 +118,7 @@ class Parts:
 Watch = Callable[[Tick, Traffic], None]
 
 
-def resumption_from(
+def resume_point_of(
     loaded: LoadedMission, source: FilePath, run: FilePath, simulate: bool = False
 ) -> tuple[ResumePoint, list[str]]:
     """Where the run in folder `run` stopped, for resuming it; and what an operator should know before.

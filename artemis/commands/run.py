@@ -12,7 +12,7 @@ from pathlib import Path
 from shlex import quote
 from typing import Any
 
-from artemis.app import Outcome, Watch, resumption_from, run_mission
+from artemis.app import Outcome, Watch, resume_point_of, run_mission
 from artemis.attendance import Operator
 from artemis.commands.answering import Answering
 from artemis.commands.live import LiveView
@@ -74,12 +74,12 @@ def run_and_report(
     loaded = load_mission(source, simulate, page=page)
     if checked is not None and checked != content_hash(loaded, source):
         raise ConfigError(f"{source}: it, or a file that it names, has changed since it was checked: check it again")
-    resume_point = _resumption(loaded, source, resume, simulate)
+    resume_point = _resume_point(loaded, source, resume, simulate)
     started_by = None if checked is None else page_that_started()
     outcome = run_in_sight(loaded, source, simulate, resume_point, started_by=started_by)
     if outcome.failed:
         with suppress(ConfigError):  # then it cannot be resumed; `--resume` says why
-            resumption_from(loaded, source, outcome.run.path, simulate)
+            resume_point_of(loaded, source, outcome.run.path, simulate)
             _print("resume", _command(source, outcome.run.path, simulate))
     return outcome.exit_status
 
@@ -164,7 +164,7 @@ def _forewarn(loaded: LoadedMission, warning: str | None) -> None:
         _print("remark", remark)
 
 
-def _resumption(loaded: LoadedMission, source: Path, resume: Path | None, simulate: bool) -> ResumePoint | None:
+def _resume_point(loaded: LoadedMission, source: Path, resume: Path | None, simulate: bool) -> ResumePoint | None:
     """Where to go on, told to whoever starts it; without an earlier run, whether the last one was left unfinished."""
     if resume is None:
         root, simulated = loaded.folder / loaded.mission.record, is_simulated(loaded, simulate)
@@ -176,7 +176,7 @@ def _resumption(loaded: LoadedMission, source: Path, resume: Path | None, simula
                 command = _command(source, run, simulate)
                 _print("last run", f"ended without shutdown at {until:.2f} s; to resume it: {command}")
         return None
-    found, notes = resumption_from(loaded, source, resume, simulate)
+    found, notes = resume_point_of(loaded, source, resume, simulate)
     at = found.position
     _, step = loaded.tree.steps[at.step]
     done, what = f"{at.done:.2f} {'m' if step.word == 'follow' else 's'}", step.word

@@ -79,7 +79,7 @@ class Recorder:
             RecordingError: the file cannot be made.
         """
         self._path, self._journal = path, journal
-        self._chronicle = EventLog(nodes or {}, errors or {})
+        self._event_log = EventLog(nodes or {}, errors or {})
         self._scanners = {name: spatial_pose(place) for name, place in (scanners or {}).items()}
         self._scan_slots: dict[str, int] = {}
         self._start = _nanoseconds(provenance.start)
@@ -125,7 +125,7 @@ class Recorder:
             now: the time of the tick [s] by the clock of the frames.
         """
         packed = pack_frames(frames, now)
-        entries = self._chronicle.observe(tick, packed, now)
+        entries = self._event_log.observe(tick, packed, now)
         self._driven = tick.snapshot.odometry.driven
         if (dropped := self._beside.put((tick, packed, true_pose))) is not None:
             self._late.add(dropped[0].snapshot.sensed.index)
@@ -180,7 +180,7 @@ class Recorder:
             self._journal.close()
 
     def _last_entries(self, outcome: str) -> list[Entry]:
-        time, entries = self._chronicle.time, self._chronicle.end()
+        time, entries = self._event_log.time, self._event_log.end()
         if self.dropped:
             text = f"{self.dropped} ticks were not recorded, the first is {self.first_gap}"
             entries.append(Entry(time=time, kind="gap", text=text, level=Level.WARNING))

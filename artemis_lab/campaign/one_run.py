@@ -12,7 +12,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
-from artemis.app import Outcome, Watch, resumption_from, run_mission
+from artemis.app import Outcome, Watch, resume_point_of, run_mission
 from artemis.devices.can_bus import Traffic
 from artemis.errors import ConfigError, RecordingError
 from artemis.mission.loading import LoadedMission, load_mission
@@ -230,7 +230,7 @@ class _Mission:
         except RecordingError:
             last = None
         try:
-            point, _ = resumption_from(self.loaded, self.source, folder)
+            point, _ = resume_point_of(self.loaded, self.source, folder)
         except ConfigError as error:
             over = last is None or last.position.step >= len(self.loaded.tree.steps) or last.snapshot.pose.lost
             return None, [] if over else [Violation("I13", first.end, f"is not resumed: {error}")]

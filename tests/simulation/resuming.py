@@ -112,7 +112,7 @@ def line(folder: Path) -> Path:
 
 
 def resume_point(mission: Path, run: Path, simulate: bool = False) -> ResumePoint:
-    return app.resumption_from(load_mission(mission), mission, run, simulate)[0]
+    return app.resume_point_of(load_mission(mission), mission, run, simulate)[0]
 
 
 def refused(mission: Path, run: Path, simulate: bool = False) -> str:

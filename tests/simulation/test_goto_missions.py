@@ -13,7 +13,7 @@ import resuming
 from mcap.reader import make_reader
 from rig import CALIBRATE, MISSIONS, Rig, Seen, run, write_mission
 
-from artemis.app import resumption_from
+from artemis.app import resume_point_of
 from artemis.errors import ConfigError
 from artemis.mapping.map_file import map_files
 from artemis.mapping.occupancy import OccupancyMap
@@ -241,7 +241,7 @@ def test_a_run_is_resumed_with_the_zones_of_now_unless_its_goal_has_moved(tmp_pa
     run = resuming.run(path, until=lambda tick: tick.mode is Mode.FOLLOW).folder
 
     def notes() -> list[str]:
-        return resumption_from(load_mission(path), path, run)[1]
+        return resume_point_of(load_mission(path), path, run)[1]
 
     assert notes() == []
     wet = '{name: "wet", kind: keep-out, corners: [[1, 2], [2, 2], [2, 2.2]]}'

@@ -185,7 +185,7 @@ def test_a_run_that_was_broken_off_is_gone_on_with_on_the_map(tmp_path: Path) ->
     broken = rig.run_until_killed()
     (folder,) = (tmp_path / "runs").iterdir()
     loaded = load_mission(mission)
-    resume_point, _ = app.resumption_from(loaded, mission, folder)
+    resume_point, _ = app.resume_point_of(loaded, mission, folder)
     there = broken.ticks[-1].snapshot.pose.pose
     assert resume_point.pose.x == pytest.approx(there.x, abs=0.2)
     done: list[Any] = []

@@ -63,7 +63,7 @@ def test_a_path_is_not_gone_on_with_from_an_unknown_place(tmp_path: Path, fault:
 def assert_not_resumed(seen: Run) -> None:
     assert seen.outcome is not None
     with pytest.raises(ConfigError, match="the position of the robot is unknown"):
-        app.resumption_from(load_mission(seen.mission), seen.mission, seen.outcome.run.path)
+        app.resume_point_of(load_mission(seen.mission), seen.mission, seen.outcome.run.path)
 
 
 @pytest.mark.parametrize("fault", [RESTART, {"inject": "SYS-09"}], ids=["one restarts", "none has power"])

@@ -177,7 +177,7 @@ def test_a_run_that_was_killed_is_gone_on_with_as_far_as_it_is_recorded(tmp_path
 
     run(mission, until=copy)
     loaded = load_mission(mission)
-    found, notes = app.resumption_from(loaded, mission, killed)
+    found, notes = app.resume_point_of(loaded, mission, killed)
     last = list(Recording(killed).ticks())[-1]
 
     assert "the file is cut off" in notes[0]
