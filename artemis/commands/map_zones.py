@@ -18,7 +18,7 @@ from artemis.mission.zones import HEAD, read_zones, with_zone, without_zones, wr
 from artemis.route_planning.floor import outside
 from artemis.route_planning.zones import PLACE_NAME, MapPose, MapZone, MapZones, in_digits, zone_line, zones_file
 from artemis.yaml_edit import with_line, without_line
-from artemis.yaml_file import Data, scalar
+from artemis.yaml_file import scalar
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,7 +122,7 @@ def _zone(text: str) -> MapZone:
             f"--zone {text}: expected NAME=KIND:X,Y,X,Y,X,Y with the kind keep-out, prefer, or slow@SPEED in m/s"
         )
     given = numbers(corners, f"--zone {name}", 6, more=True)
-    points: list[Data] = [[x, y] for x, y in zip(given[::2], given[1::2], strict=True)]
+    points = [[x, y] for x, y in zip(given[::2], given[1::2], strict=True)]
     slow = {"speed_m_s": numbers(speed, f"--zone {name}, speed", 1)[0]} if speed else {}
     return checked(MapZone, {"name": name, "kind": kind, "corners": points, **slow}, f"--zone {name}")
 

@@ -20,8 +20,8 @@ from artemis.families.objects import FOLLOWING_ERROR
 from artemis.mission.actions import PluginUse
 from artemis.mission.injector import FaultInjector, installed_injector
 from artemis.mission.obstacles import Obstacles
-from artemis.mission.problems import by_position, checked, nearest, problems_from
-from artemis.mission.reading import Configs, Model
+from artemis.mission.problems import Model, by_position, checked, nearest, problems_from
+from artemis.mission.reading import Configs
 from artemis.mission.schema import SLOWEST, InjectedFault, Mission, RecoveryPolicy
 from artemis.mission.starts import far_starts, start_pose
 from artemis.mission.surroundings import SurroundingsChecks

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic.json_schema import SkipJsonSchema
 from pydantic_core import ErrorDetails
 
-from artemis.config import Inconsistent
+from artemis.config import Config, Inconsistent
 from artemis.errors import ConfigError, shown
 from artemis.mounting import Mounting
 from artemis.yaml_file import Data, Document, KeyPath, dotted, surprise
@@ -22,7 +22,7 @@ UNKNOWN_KEY = "unknown key"
 NO_ELSE = f"{UNKNOWN_KEY}; write {LAST_BRANCH}"
 _MAX_NAMED = 12
 
-Model = TypeVar("Model", bound=BaseModel)
+Model = TypeVar("Model", bound=Config)
 
 _INNER = cast(type, SkipJsonSchema)  # marks a field that is no key of a file
 _REPLACED = {

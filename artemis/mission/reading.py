@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from functools import cache, partial
 from pathlib import Path as FilePath
 from pathlib import PurePosixPath
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
@@ -18,7 +18,7 @@ from artemis.mission.files import files_like, read_data, read_table
 from artemis.mission.injector import FaultInjector
 from artemis.mission.page import add_page
 from artemis.mission.parts import expanded, without
-from artemis.mission.problems import UNKNOWN_KEY, nearest, placed
+from artemis.mission.problems import UNKNOWN_KEY, Model, nearest, placed
 from artemis.plugins.registry import BEHAVIOURS, names
 from artemis.yaml_file import Data, Document, KeyPath, read, survey
 
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from artemis.motion.route import Route
     from artemis.route_planning.floor import Destination
 
-Model = TypeVar("Model", bound=Config)
 Configs = Mapping[str, Config | None]
 
 

@@ -15,6 +15,7 @@ from artemis.motion.arrays import Array
 from artemis.motion.fitting import fitted
 from artemis.motion.path import path_from_points
 from artemis.motion.path_points import MIN_STEP, distinct
+from artemis.motion.poses import seen_from
 from artemis.motion.route import Part, Route
 from artemis.motion.totals import total
 from artemis.values import Pose
@@ -176,4 +177,4 @@ def one_way(distance: Array) -> list[tuple[int, int]]:
 
 def _ahead(pose: Pose, other: Pose) -> float:
     """How far ahead of a pose another one is [m]."""
-    return (other.x - pose.x) * math.cos(pose.heading) + (other.y - pose.y) * math.sin(pose.heading)
+    return seen_from(pose, other).x
