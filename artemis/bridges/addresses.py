@@ -17,7 +17,10 @@ def check_address(address: str) -> str:
     Raises:
         ValueError: it is no address.
     """
-    ip_address(address)
+    try:
+        ip_address(address)
+    except ValueError:
+        raise ValueError("expected an IPv4 or IPv6 address of this computer") from None
     return address
 
 

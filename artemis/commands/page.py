@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import socket
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from artemis.build import require
-from artemis.errors import ConfigError
 from artemis.mission.loading import LoadedMission, plugin_from
 from artemis.mission.page import PAGE
+from artemis.mission.problems import checked
 from artemis.page.access import grouped, key_place, new_code, read_key
 from artemis.page.certificates import kept, make, names
 from artemis.page.observer import PageObserverConfig, url_of
@@ -40,16 +38,6 @@ def page_options(port: int | None, address: str | None, tls: tuple[Path, Path] |
     return given
 
 
-def config_from(options: Mapping[str, Any]) -> PageObserverConfig:
-    """The page's observer with these keys. Raises ConfigError."""
-    try:
-        return PageObserverConfig.model_validate(options)
-    except ValidationError as error:
-        raise ConfigError(
-            [str(problem.get("ctx", {}).get("error", problem["msg"])) for problem in error.errors()]
-        ) from None
-
-
 def page_of(loaded: LoadedMission) -> PageObserverConfig | None:
     """The page that a run of the mission serves; None: it serves none."""
     for use in loaded.mission.observers.values():
@@ -69,7 +57,7 @@ def certify(given: Sequence[str]) -> None:
 
 def pair(port: int | None, address: str | None) -> None:
     """Say how one more browser is paired, and whether a page is there. Raises ConfigError."""
-    config = config_from(page_options(port, address, None))
+    config = checked(PageObserverConfig, page_options(port, address, None))
     try:
         socket.create_connection((config.listen, config.port), ANSWERS).close()
     except OSError as error:

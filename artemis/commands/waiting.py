@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from artemis.bridges.operator.server import files_of_tls
-from artemis.commands.page import announce, config_from
+from artemis.commands.page import announce
 from artemis.errors import ConfigError
+from artemis.mission.problems import checked
 from artemis.notify import ServiceManager
 from artemis.page.mission_folder import CheckedMission
 from artemis.page.observer import PageObserverConfig, check_installed
@@ -29,7 +30,7 @@ def wait_for_operators(folder: Path, options: dict[str, Any]) -> int:
     if not folder.is_dir():
         raise ConfigError(f"{folder}: expected a folder of missions, or pair, or certificate with names")
     check_installed("artemis page")
-    folder, config = folder.absolute(), config_from(options)
+    folder, config = folder.absolute(), checked(PageObserverConfig, options)
     tls = files_of_tls(config.tls, folder, "artemis page")
     from artemis.page.waiting_page import WaitingPage
 

@@ -140,7 +140,7 @@ def test_one_more_browser_is_paired_by_a_command(tmp_path: Path, monkeypatch: py
     ("arguments", "words"),
     [
         (["page", "nonsense"], "expected a folder of missions, or pair, or certificate with names"),
-        (["page", "pair", "--page-address", "nowhere"], "does not appear to be an IPv4 or IPv6 address"),
+        (["page", "pair", "--page-address", "nowhere"], "listen: expected an IPv4 or IPv6 address"),
         (["page", "pair", "--page-address", "0.0.0.0"], "artemis page certificate"),
         (["run", str(MISSIONS / "figure_eight.yaml"), "--page-address", "0.0.0.0"], "artemis page certificate"),
         (["run", str(MISSIONS / "figure_eight.yaml"), "--page-tls", "none", "none"], "none"),
