@@ -6,22 +6,21 @@ import re
 from collections.abc import Iterator, Mapping
 from copy import deepcopy
 from pathlib import Path
+from typing import Any
 
 import yaml
 
 from artemis.errors import ConfigError
 from artemis.whole_files import replace_content
-from artemis.yaml_file import Data, dotted, read, survey
+from artemis.yaml_file import Data, KeyPath, dotted, read, survey
 
-Keys = tuple[str, ...]
-"""Where a value stands: its keys from the top."""
 _ROUNDS = 5
 """A change inside an anchor changes its aliases, too: what those had is written out; that may go on so deep."""
 _ALIAS = re.compile(r"\s*\*[^\s,\]}]+")
 _ANCHOR = re.compile(r"&\S+")
 
 
-def edit(path: Path, changes: Mapping[Keys, Data]) -> None:
+def edit(path: Path, changes: Mapping[KeyPath, Data]) -> None:
     """Change values of a file; either all of it is changed or nothing.
 
     Raises:
@@ -30,13 +29,13 @@ def edit(path: Path, changes: Mapping[Keys, Data]) -> None:
     replace_content(path, edited(read(path), str(path), changes))
 
 
-def edited(raw: bytes, source: str, changes: Mapping[Keys, Data]) -> bytes:
+def edited(raw: bytes, source: str, changes: Mapping[KeyPath, Data]) -> bytes:
     """The content `raw` of a file with other values; keys that it lacks are added.
 
     Args:
         raw: A mapping in strict YAML.
         source: Its name, for errors.
-        changes: New values by their keys. The mapping around each must be there.
+        changes: New values by their keys, and the numbers of list items. What is around each must be there.
 
     Raises:
         ConfigError: the file is broken, or a value cannot be changed in place; with its key.
@@ -131,40 +130,54 @@ def _read(raw: bytes, source: str) -> dict[str, Data]:
     return deepcopy(document.data)  # what an anchor and its aliases share must not be changed at once
 
 
-def _set(data: dict[str, Data], keys: Keys, value: Data, source: str) -> None:
-    for key in keys[:-1]:
-        part = data.get(key)
-        if not isinstance(part, dict):
+def _set(data: Data, keys: KeyPath, value: Data, source: str) -> None:
+    *around, last = keys
+    for key in around:
+        part = data.get(key) if isinstance(data, dict) else data[key]  # type: ignore[index, arg-type]
+        if not isinstance(part, dict | list):
             raise ConfigError(f"{source}: {dotted(keys)}: there is no mapping {key}")
         data = part
-    data[keys[-1]] = value
+    data[last] = value  # type: ignore[index]
 
 
-def _differences(found: dict[str, Data], wanted: dict[str, Data], path: Keys = ()) -> Iterator[Keys]:
-    for key, value in wanted.items():
-        present = found.get(key)
-        if isinstance(value, dict) and isinstance(present, dict) and present.keys() <= value.keys():
-            yield from _differences(present, value, (*path, key))
-        elif key not in found or repr(present) != repr(value):  # true is not 1, nor 1 the same as 1.0
-            yield (*path, key)
+def _differences(found: Data, wanted: Data, path: KeyPath = ()) -> Iterator[KeyPath]:
+    if isinstance(wanted, dict) and isinstance(found, dict) and found.keys() <= wanted.keys():
+        for key, value in wanted.items():
+            yield from _differences(found[key], value, (*path, key)) if key in found else [(*path, key)]
+    elif isinstance(wanted, list) and isinstance(found, list) and len(found) == len(wanted) and _has_mapping(wanted):
+        for number, values in enumerate(zip(found, wanted, strict=True)):
+            yield from _differences(*values, (*path, number))
+    elif repr(found) != repr(wanted):  # true is not 1, nor 1 the same as 1.0
+        yield path
 
 
-def _with(text: str, keys: Keys, wanted: Data) -> str:
+def _has_mapping(values: list[Data]) -> bool:
+    return any(isinstance(value, dict) for value in values)
+
+
+def _with(text: str, keys: KeyPath, wanted: Data) -> str:
     """The text with the value at `keys` as in `wanted`, where it stands, or added to its mapping.
 
-    A mapping around it that stands elsewhere, behind an alias or a merge key, is written out whole.
+    What is around it and stands elsewhere, behind an alias or a merge key, is written out whole.
     """
-    mapping = yaml.compose(text, Loader=yaml.SafeLoader)
+    around: Any = yaml.compose(text, Loader=yaml.SafeLoader)
     for number, key in enumerate(keys, 1):
-        assert isinstance(mapping, yaml.MappingNode)
+        if isinstance(key, int):
+            item = around.value[key]
+            is_alias = item.start_mark.index < around.start_mark.index
+            if is_alias or number == len(keys) or not isinstance(item, yaml.MappingNode):  # the whole list is written
+                break
+            around, wanted = item, wanted[key]  # type: ignore[index]
+            continue
+        assert isinstance(around, yaml.MappingNode)
         assert isinstance(wanted, dict)
-        entry, wanted = _entry(mapping, key), wanted[key]
+        entry, wanted = _entry(around, key), wanted[key]
         if entry is None:
-            return _added(text, mapping, f"{key}: {_written(wanted)}")
+            return _added(text, around, f"{key}: {_written(wanted)}")
         name, old = entry
         if _is_alias(name, old) or number == len(keys):
             break
-        mapping = old
+        around = old
     if _is_alias(name, old):
         begin = text.index(":", int(name.end_mark.index)) + 1
         alias = _ALIAS.match(text, begin)

@@ -66,7 +66,8 @@ def _zones(file: Path, rotate: float) -> bytes:
     beside = Path(zones_file(str(file)))
     if not beside.exists():
         return b""
-    return turned_zones(zones_of(file), math.radians(rotate)) if rotate else read(beside)
+    content = read(beside)
+    return turned_zones(content, str(beside), math.radians(rotate)) if rotate else content
 
 
 def _edit_cells(file: Path, output: Path, edits: Edits) -> None:

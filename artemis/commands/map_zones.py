@@ -14,11 +14,11 @@ from artemis.errors import ConfigError, shown, similar
 from artemis.mapping.occupancy import OccupancyMap
 from artemis.mission.loading import load_model
 from artemis.mission.problems import checked
-from artemis.mission.zones import HEAD, read_zones, with_zone, without_zones, write_zones, zones_in
+from artemis.mission.zones import read_zones, with_zone, without_zones, write_zones, zones_in
 from artemis.route_planning.floor import outside
-from artemis.route_planning.zones import PLACE_NAME, MapPose, MapZone, MapZones, in_digits, zone_line, zones_file
-from artemis.yaml_edit import with_line, without_line
-from artemis.yaml_file import scalar
+from artemis.route_planning.zones import PLACE_NAME, MapPose, MapZone, MapZones, in_digits, zones_file
+from artemis.yaml_edit import edited, with_line, without_line
+from artemis.yaml_file import Data, KeyPath, scalar
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,21 +81,25 @@ def edit_zones(file: Path, edits: ZoneEdits, on: OccupancyMap) -> None:
     say_zones(file, zones_in(content, str(beside)), on)
 
 
-def turned_zones(known: MapZones, turn: float) -> bytes:
-    """Zones and places of a map that was turned by `turn` [rad] around its origin, as a file."""
-    c, s = math.cos(turn), math.sin(turn)
+def turned_zones(raw: bytes, source: str, turn: float) -> bytes:
+    """The file of zones and places of a map, once the map was turned by `turn` [rad] around its origin.
 
-    def at(x: float, y: float) -> list[float]:
+    Raises:
+        ConfigError: it is wrong, or written so that its numbers cannot be replaced.
+    """
+    known, c, s = zones_in(raw, source), math.cos(turn), math.sin(turn)
+
+    def at(x: float, y: float) -> list[Data]:
         return [round(c * x - s * y, 4), round(s * x + c * y, 4)]
 
-    raw = HEAD
-    for zone in known.zones:
-        raw = with_line(raw, "", "zones", f"- {zone_line(zone, [at(x, y) for x, y in zone.corners])}")
+    changes: dict[KeyPath, Data] = {
+        ("zones", number, "corners"): [at(x, y) for x, y in zone.corners] for number, zone in enumerate(known.zones)
+    }
     for name, place in known.places.items():
-        x, y = at(place.x_m, place.y_m)
         heading = round(math.degrees(math.remainder(math.radians(place.heading_deg) + turn, math.tau)), 3)
-        raw = with_line(raw, "", "places", _place_line(name, x, y, heading))
-    return raw
+        x, y = at(place.x_m, place.y_m)
+        changes |= {("places", name, key): value for key, value in (("x_m", x), ("y_m", y), ("heading_deg", heading))}
+    return edited(raw, source, changes) if changes else raw
 
 
 def say_zones(file: Path, known: MapZones, on: OccupancyMap) -> None:

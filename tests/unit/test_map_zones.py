@@ -119,6 +119,16 @@ def test_a_rotated_map_takes_them_along(workshop: Path, tmp_path: Path) -> None:
     assert list(zones_of(workshop).places) == ["charger", "bench", "store", "gate"]
 
 
+def test_a_rotated_map_keeps_the_comments_of_its_zones(workshop: Path, tmp_path: Path) -> None:
+    zones = workshop.with_name("workshop.zones.yaml")
+    zones.write_text(zones.read_text().replace("  charger:", "  # at the wall\n  charger:") + "# the end\n")
+    call("edit", workshop, "-o", tmp_path / "turned.yaml", "--rotate", "90")
+    turned = (tmp_path / "turned.zones.yaml").read_text()
+    assert turned.startswith("# Zones and places of the workshop, in the frame of its map.\n")
+    assert "  # at the wall\n  charger: {x_m: -1.5, y_m: 1.0, heading_deg: 90.0}\n" in turned
+    assert turned.endswith("# the end\n")
+
+
 def test_zones_of_an_earlier_map_do_not_stay_beside_another(workshop: Path, tmp_path: Path) -> None:
     other = tmp_path / "other.yaml"
     call("edit", workshop, "-o", other, "--rotate", "90")

@@ -46,6 +46,21 @@ def test_only_the_value_changes(before: str, keys: str, value: object, after: st
     assert changed(before, *keys.split("."), to=value) == after
 
 
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ("a:\n  # first\n  - {b: 1}  # one\n  - b: 2  # two\n    c: 3\n",) * 2,
+        ("a: [{b: 1}, {b: 2, c: 3}]  # both\n",) * 2,
+        ("x: &x {b: 2}\na: [{b: 1}, *x]\n", "x: &x {b: 2}\na: [{b: 1}, {b: 7}]\n"),
+        ("a:\n- {b: 1}\n- <<: &x {b: 2}\n", "a:\n- {b: 1}\n- <<: &x {b: 2}\n  b: 7\n"),
+        ("a:\n- 1  # one\n- {b: 2}\n",) * 2,
+    ],
+)
+def test_a_value_in_a_list_of_mappings_changes_alone(before: str, after: str) -> None:
+    after = after.replace("b: 2", "b: 7") if after == before else after
+    assert edited(before.encode(), "zones.yaml", {("a", 1, "b"): 7}).decode() == after
+
+
 def test_several_values_of_the_robot_file_at_once() -> None:
     before = ROBOT.read_text()
     changes = {
