@@ -24,7 +24,7 @@ from artemis.mapping.kernels import COMPILED, notice
 from artemis.mapping.laser import Reading
 from artemis.mapping.map_file import read_map
 from artemis.mapping.mapper import Mapper
-from artemis.mapping.occupancy import occupancy
+from artemis.mapping.occupancy import coarser, occupancy
 from artemis.mapping.se2 import Array, between, compose, within
 from artemis.mapping.settings import MapSettings
 from artemis.mapping.tracking import Tracker
@@ -81,6 +81,8 @@ def build_map(sources: Sources, output: Path, resolution: float, *, force: bool)
         f"scans       {counts.scans}, {counts.unmatched} matched nowhere; {len(mapper.keys)} make up the map\n"
         f"loops       {len(mapper.graph.loops)} of {mapper.searched} places searched\n"
     )
+    if note := coarser(content, resolution):
+        sys.stdout.write(f"notice      {note}\n")
     write_map(output, content, mapper.result())
     if sources.begun is not None:
         beside = Path(zones_file(str(sources.begun)))

@@ -19,6 +19,8 @@ FREE_BELOW, OCCUPIED_FROM = 0.2, 0.3
 MARGIN = 1.0
 """Around the farthest points [m]."""
 MOST_CELLS = 100_000_000
+LARGEST_CELL = 1.0
+"""[m]"""
 _AT_ONCE = 1 << 17
 """Cells that are computed together: each takes some 200 bytes meanwhile."""
 
@@ -154,15 +156,22 @@ class ShownMap:
     """Where the odometry's frame lies on it; None: a localizer gives the robot's pose on it."""
 
 
+def coarser(content: OccupancyMap, wanted: float) -> str:
+    """That a map has larger cells than those that were wanted [m], for people; empty: it has not."""
+    if content.resolution == wanted:
+        return ""
+    return f"cells of {content.resolution:g} m: with {wanted:g} m there would be more than {MOST_CELLS}"
+
+
 def occupancy(keys: KeyScans, resolution: float = 0.05) -> OccupancyMap:
     """The map that scans make: what lies between the scanner and the points is free.
 
     Args:
         keys: the scans, their poses, and where the scanner was on the robot.
-        resolution: side of a cell [m].
+        resolution: side of a cell [m]; doubled until there are no more than `MOST_CELLS`.
 
     Raises:
-        ValueError: there is no point, or they are too far apart.
+        ValueError: there is no point, or they are so far apart that cells of a metre are too many.
     """
     from artemis.mapping import kernels  # loads numba: who only reads maps does without
 
@@ -175,15 +184,19 @@ def occupancy(keys: KeyScans, resolution: float = 0.05) -> OccupancyMap:
         raise ValueError("no scan has a point")
     every = np.concatenate([*ends, keys.poses[:, :2], scanners[:, :2]])
     low, high = np.floor(every.min(0) - MARGIN), np.ceil(every.max(0) + MARGIN)
-    columns, rows = ((high - low) / resolution).astype(int) + 1
-    if rows * columns > MOST_CELLS:
-        raise ValueError(f"{rows} x {columns} cells of {resolution:g} m; choose larger ones")
-    hits, passes = np.zeros((rows, columns), np.int32), np.zeros((rows, columns), np.int32)
+    while np.prod(shape := ((high - low)[::-1] / resolution).astype(int) + 1) > MOST_CELLS:
+        resolution *= 2.0
+        if resolution > LARGEST_CELL:
+            across = " x ".join(f"{side:.0f}" for side in high - low)
+            raise ValueError(f"the scans reach over {across} m; a map has {MOST_CELLS} cells at most")
+    hits, passes = np.zeros(shape, np.int32), np.zeros(shape, np.int32)
     for seen, scanner in zip(ends, scanners, strict=True):
         kernels.LOOPS.count_rays(hits, passes, seen, scanner, 1 / resolution, low[0], low[1])
-    met = hits + passes
-    share = hits / np.maximum(1, met)
-    cells = np.full(share.shape, UNKNOWN, np.int8)
-    cells[(met > 0) & (share < FREE_BELOW)] = FREE
-    cells[share >= OCCUPIED_FROM] = OCCUPIED
+    cells = np.full(shape, UNKNOWN, np.int8)
+    for row in range(0, len(cells), some := 1 + _AT_ONCE // shape[1]):
+        part, ended = cells[row : row + some], hits[row : row + some]
+        met = ended + passes[row : row + some]
+        share = ended / np.maximum(1, met)
+        part[(met > 0) & (share < FREE_BELOW)] = FREE
+        part[share >= OCCUPIED_FROM] = OCCUPIED
     return OccupancyMap(cells=cells, resolution=resolution, origin=(float(low[0]), float(low[1]), 0.0))

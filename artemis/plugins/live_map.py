@@ -12,7 +12,7 @@ from artemis.errors import ConfigError
 from artemis.localisation.warming import warm_up
 from artemis.mapping.graph_file import MapGraph, saved_files
 from artemis.mapping.mapper import Mapper
-from artemis.mapping.occupancy import OccupancyMap, ShownMap, occupancy
+from artemis.mapping.occupancy import OccupancyMap, ShownMap, coarser, occupancy
 from artemis.mapping.readings import ScanReadings
 from artemis.mapping.se2 import Array, between, compose
 from artemis.mapping.tracking import NewKey
@@ -24,6 +24,8 @@ NAME = "map"
 """Of the thread, and of the files in the run's folder."""
 SHOWN_EVERY = 5.0
 """Whoever watches is shown a new map so often [s], as long as something new is seen."""
+SHOWN_PER_KEY = 0.02
+"""And no more often than this for each key scan [s]: every one of them is drawn anew."""
 
 
 class LiveMap:
@@ -81,7 +83,8 @@ class LiveMap:
             station = self._mapper.station
             due = self._watched and not self._show_waits and reading.time >= self._next
             if due and station != self._station:
-                self._next, self._station, self._show_waits = reading.time + SHOWN_EVERY, station, True
+                pause = max(SHOWN_EVERY, SHOWN_PER_KEY * len(self._mapper.keys))
+                self._next, self._station, self._show_waits = reading.time + pause, station, True
                 self._closing.order(self._show, station, reading.odometry)
 
     def take_problems(self) -> list[tuple[str, str, str]]:
@@ -105,6 +108,8 @@ class LiveMap:
             self.unmade += [f"{file}: {error}" for file in self._files]
         else:
             self._write(content, graph)
+            if note := coarser(content, self._resolution):
+                self._say(f"map: {note}")
         counts = mapper.counts
         self._say(
             f"map: {counts.scans} scans, {counts.unmatched} matched nowhere; {len(mapper.keys)} make it up, with "

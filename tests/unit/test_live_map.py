@@ -19,6 +19,7 @@ from artemis.localisation.scan_localizer import LocalizerSettings, PlaceSearch, 
 from artemis.localisation.scan_map import ScanMap
 from artemis.localisation.warming import warm_up
 from artemis.mapping import kernels
+from artemis.mapping import occupancy as occupancy_module
 from artemis.mapping.drift import Drifts
 from artemis.mapping.graph_file import read_graph
 from artemis.mapping.key_scans import KeyScans
@@ -149,12 +150,25 @@ def test_a_run_without_a_scan_makes_no_map(tmp_path: Path) -> None:
 
 def test_a_map_that_cannot_be_written_is_said(tmp_path: Path, ticks: list[Tick]) -> None:
     said: list[str] = []
-    for folder, resolution, problem in ((tmp_path / "nowhere", 0.05, "cannot be written"), (tmp_path, 1e-4, "larger")):
-        making = live(folder, said, threaded=False, resolution=resolution)
-        driven_with(making, ticks[:3])
-        assert making.made == []
-        assert [problem in each for each in making.unmade] == [True]
+    making = live(tmp_path / "nowhere", said, threaded=False)
+    driven_with(making, ticks[:3])
+    assert making.made == []
+    assert ["cannot be written" in each for each in making.unmade] == [True]
     assert said[0].endswith(": no file")
+
+
+def test_a_map_with_too_many_cells_is_written_with_larger_ones(
+    tmp_path: Path, ticks: list[Tick], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(occupancy_module, "MOST_CELLS", 1_000_000)
+    said: list[str] = []
+    making = live(tmp_path, said, threaded=False, resolution=0.005)
+    driven_with(making, ticks[:3])
+    assert (len(making.made), making.unmade) == (1, [])
+    cells = read_map(tmp_path / "map.yaml").cells
+    assert occupancy_module.MOST_CELLS / 4 < cells.size < occupancy_module.MOST_CELLS
+    assert said[0] == "map: cells of 0.02 m: with 0.005 m there would be more than 1000000"
+    assert read_graph(tmp_path / "map.graph").keys
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")

@@ -254,7 +254,10 @@ def test_a_graph_is_kept_with_its_map(tmp_path: Path) -> None:
 
 
 def test_a_map_of_nothing_is_refused() -> None:
-    for points, problem in ((np.empty((0, 4)), "no scan has a point"), (np.full((1, 4), 1e5), "choose larger")):
+    for points, problem in (
+        (np.empty((0, 4)), "no scan has a point"),
+        (np.full((1, 4), 1e5), "over 100002 x 100002"),
+    ):
         keys = KeyScans()
         keys.append(points, np.zeros(3), np.zeros(2))
         with pytest.raises(ValueError, match=problem):
