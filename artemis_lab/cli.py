@@ -104,6 +104,16 @@ def bench_buildings(
     raise typer.Exit(measure(drives, first))
 
 
+@bench.command("live-map")
+def bench_live_map(
+    seconds: Annotated[float, typer.Option(min=1, help="Drive so long, in real time.")] = 240.0,
+) -> None:
+    """Map a simulated building in real time, 50 scans a second, and measure how long each scan takes."""
+    from artemis_lab.commands.bench_live_map import measure
+
+    raise typer.Exit(measure(seconds))
+
+
 @bench.command("localisation")
 def bench_localisation(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="CARMEN log (.clf, .log, also .gz).")],
@@ -138,6 +148,9 @@ def bench_hall(
 @bench.command("obstacles")
 def bench_obstacles(
     scenes: Annotated[int, typer.Option(min=1, help="Number of random scenes of what stands.")] = 1000,
+    around: Annotated[
+        int | None, typer.Option(min=1, help="Number of random scenes with obstacles behind, too; by default a tenth.")
+    ] = None,
     persons: Annotated[
         int | None,
         typer.Option(min=1, help="Number of scenes of each kind with a person or a thin leg; by default a tenth."),
@@ -155,8 +168,10 @@ def bench_obstacles(
 
     from artemis_lab.commands.bench_obstacles import measure
 
-    few = persons or max(1, scenes // 10)
-    raise typer.Exit(measure(scenes, few, first, 1000.0 * kilometres, workers or os.cpu_count() or 1))
+    few = max(1, scenes // 10)
+    raise typer.Exit(
+        measure(scenes, around or few, persons or few, first, 1000.0 * kilometres, workers or os.cpu_count() or 1)
+    )
 
 
 @bench.command("goto")

@@ -45,7 +45,9 @@ from artemis_lab.bench.obstacle_scenes import (
 )
 
 SECONDS, BACKWARDS = 8.0, 0.3
-"""Of a drive in a random scene [s]; share of the wishes that are to drive backwards."""
+"""Of a drive in a random scene [s]; share of the wishes that are to drive backwards;"""
+SECONDS_AROUND, BACKWARDS_AROUND = 16.0, 0.5
+"""likewise where things also stand behind the robot."""
 LEAST_DISTANCE = 0.01
 """To what stands [m]."""
 SLOW, FEW = 0.1, 0.03
@@ -84,16 +86,17 @@ def _outcomes(
             yield seed, outcome
 
 
-def standing(pool: Executor, scenes: int, first: int, done: Callable[[], object]) -> Bar:
-    """Worst driving forwards and backwards among what stands, in random scenes from a seed on."""
-    found = dict(_outcomes(pool, _drive_among, scenes, first, done))
+def standing(pool: Executor, scenes: int, first: int, done: Callable[[], object], *, around: bool = False) -> Bar:
+    """Worst driving forwards and backwards in random scenes from a seed on; `around`: something stands behind, too."""
+    found = dict(_outcomes(pool, _drive_amidst if around else _drive_among, scenes, first, done))
     contacts = [seed for seed, outcome in found.items() if outcome.nearest < 0.0]
     nearest = min([outcome.nearest for outcome in found.values()], default=inf)
     kilometres = sum([outcome.driven for outcome in found.values()]) / 1000.0
     words = f"{len(contacts)} of {len(found)} scenes, {kilometres:.1f} km; least {100 * nearest:.1f} cm"
     close = [seed for seed, outcome in found.items() if outcome.nearest < LEAST_DISTANCE]
     words += f"; seeds {', '.join(map(str, close[:5]))}" if close else ""
-    return Bar("contacts with what stands", "0, least distance >= 1 cm", words, not close)
+    name = f"contacts with what stands{', also behind' if around else ''}"
+    return Bar(name, "0, least distance >= 1 cm", words, not close)
 
 
 def persons(pool: Executor, scenes: int, first: int, done: Callable[[], object]) -> Bar:
@@ -212,3 +215,7 @@ def _all_near(number: int, dice: np.random.Generator) -> Snapshot:
 
 def _drive_among(seed: int) -> Passage | None:
     return random_drive(seed, SECONDS, BACKWARDS)
+
+
+def _drive_amidst(seed: int) -> Passage | None:
+    return random_drive(seed, SECONDS_AROUND, BACKWARDS_AROUND, around=True)

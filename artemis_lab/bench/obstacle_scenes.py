@@ -298,10 +298,20 @@ def _scan(ranges: Array, now: float, bias: float, errors: ScanErrors, dice: np.r
     return Scan(source="front", time=now, start_angle=-FIELD, increment=2 * FIELD / (BEAMS - 1), ranges=packed)
 
 
-def random_drive(seed: int, seconds: float = 8.0, reverse: float = 0.0) -> Passage | None:
-    """In a random scene; None: the robot would stand in it."""
+def behind(scene: Scene) -> Scene:
+    """What stands still before the robot, turned around its middle."""
+    middle = OUTLINE.front_m - OUTLINE.rear_m
+    turned = np.array([middle, 0.0, middle, 0.0]) - scene.segments
+    return Scene(turned, np.c_[middle - scene.circles[:, 0], -scene.circles[:, 1:2], scene.circles[:, 2]])
+
+
+def random_drive(seed: int, seconds: float = 8.0, reverse: float = 0.0, *, around: bool = False) -> Passage | None:
+    """In a random scene, or with one on each side; None: the robot would stand in it."""
     dice = np.random.default_rng(seed)
     scene = random_scene(dice)
+    if around:
+        other = behind(random_scene(dice))
+        scene = Scene(np.r_[scene.segments, other.segments], np.r_[scene.circles, other.circles])
     if scene.distance(0.0, 0.0, 0.0) < 0.10:
         return None
     errors = ScanErrors(lost=LOST if seed % 4 == 0 else 0.0)

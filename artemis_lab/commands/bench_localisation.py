@@ -31,6 +31,9 @@ _CELL = 0.05
 """Of the map, or of the points that are made one [m]."""
 _ELLIPSE = 5.99
 """Square of 2.45 standard deviations: chi-square with two degrees of freedom, 0.95."""
+COMPARED = "0.0345 m, 0.92 deg; distance mean 0.114, 95 % 0.247, largest 0.58 m"
+"""AMCL, the library of ROS 1, on a map with cells of 5 cm: `likelihood_field_prob`, 60 beams, 500 to 5,000 particles,
+resampled at each update. With its defaults it lost the robot after some 300 s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,6 +47,11 @@ class FoundAgain:
     """[m]."""
     searches: list[float]
     """How long each took [s]."""
+
+    @property
+    def in_all(self) -> float:
+        """Until it was found, if every search had held the robot up [s]."""
+        return np.inf if self.after is None else self.after + sum(self.searches)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -91,6 +99,7 @@ def measure(log: Path, relations: Path, split: float, *, cells: bool) -> None:
         f"stated      {100 * found.inside:.1f} % within the ellipse for 95 %\n"
         f"one scan    half of them {quantiles[0]:.1f}, 99 % {quantiles[1]:.1f}, slowest {quantiles[2]:.1f} ms\n"
     )
+    sys.stdout.write(f"AMCL        {COMPARED}\n")
     for each in found.found:
         words = "not found"
         if each.after is not None:

@@ -12,17 +12,18 @@ from artemis_lab.bench.tables import Grid
 LOOKS = 2000
 
 
-def measure(scenes: int, few: int, first: int, metres: float, number: int) -> int:
+def measure(scenes: int, around: int, few: int, first: int, metres: float, number: int) -> int:
     """Print the table. Returns 0 when all bars are met, else 1.
 
     Args:
         scenes: random ones of what stands.
+        around: likewise, with something behind the robot, too.
         few: scenes of persons who cross, of those who step in, of those who step aside, and of thin legs.
         first: seed of the first.
         metres: that are driven in the corridor, and in dust.
         number: of processes.
     """
-    total = scenes + 4 * few + 2 * max(1, round(metres / PIECE))
+    total = scenes + around + 4 * few + 2 * max(1, round(metres / PIECE))
     found = [cost(LOOKS)]  # before others need the processor
     with Progress(disable=not sys.stdout.isatty()) as progress, workers(number) as pool:
         bar = progress.add_task("drives", total=total)
@@ -31,6 +32,7 @@ def measure(scenes: int, few: int, first: int, metres: float, number: int) -> in
             progress.advance(bar)
 
         found.append(standing(pool, scenes, first, done))
+        found.append(standing(pool, around, first, done, around=True))
         found.append(persons(pool, few, first, done))
         found.append(who_stays(pool, few, first, done))
         found.append(legs(pool, few, first, done))

@@ -36,6 +36,7 @@ def short(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("first", [7, pytest.param(100, marks=pytest.mark.exhaustive)])
 def test_slice_of_the_bars(first: int) -> None:
     bars = [each(Here(), 3, first, done) for each in (standing, who_stays, legs)]
+    bars.append(standing(Here(), 2, first, done, around=True))
     bars += [persons(Here(), 8, first, done), *slow_downs(Here(), 4.0, first, done)]
 
     assert all(bar.met for bar in bars), bars
@@ -47,6 +48,7 @@ def test_bars_fail_without_the_stop(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(obstacles.ObstacleStop, "look", lambda *_: None)
 
     assert not standing(Here(), 8, 2000, done).met
+    assert not standing(Here(), 4, 2000, done, around=True).met
     assert not persons(Here(), 8, 0, done).met
     assert not who_stays(Here(), 8, 0, done).met
     assert not legs(Here(), 4, 0, done).met
@@ -89,6 +91,7 @@ def test_command_prints_one_table(monkeypatch: pytest.MonkeyPatch) -> None:
         "what",
         "a",
         "contacts with what stands",
+        "contacts with what stands, also behind",
         "person crossing at 1.5 m/s, contact faster than 0.1 m/s",
         "person who steps in or aside, contact while driving",
         "thin leg, 15 % of the beams return, contact",

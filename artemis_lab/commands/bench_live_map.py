@@ -1,0 +1,91 @@
+"""`artemis bench live-map`: how long a scan takes while a map is made, with the search for loops beside it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from threading import Event
+
+import numpy as np
+
+from artemis.clock import stopwatch
+from artemis.localisation.warming import warm_up
+from artemis.mapping import kernels
+from artemis.mapping.laser import Reading, surface_points
+from artemis.mapping.mapper import Mapper
+from artemis.mapping.tracking import NewKey
+from artemis.plugins.observing import Beside
+from artemis_lab.bench.buildings import BLOCKS, CORRIDOR, LONG, WIDE, building
+from artemis_lab.bench.laser_worlds import SETTINGS, driven, odometry, seen
+
+BEAMS, FIELD, PERIOD = 541, np.radians(135.0), 0.02
+"""Of an LMS100 at 50 Hz [rad, s]."""
+SPEED, TURN = 1.5, 1.0
+"""Of the robot [m/s, rad/s]."""
+LONGEST = 20.0
+"""99 % of the scans are to take no longer [ms]."""
+
+
+def measure(seconds: float) -> int:
+    """Map in real time, and print how long the scans took; 1: longer than they may.
+
+    A robot drives round a block of a building of equal corridors, 3 % of its distance and 0.5 degrees per metre wrong.
+    """
+    if not kernels.COMPILED:
+        sys.stderr.write(f"{kernels.notice()}\n")
+    warm_up()
+    given = readings(seconds)
+    searches: list[float] = []
+    beside: Beside[None] = Beside("loops", lambda nothing: None, threaded=True)
+    mapper = Mapper(SETTINGS, later=lambda work, key: beside.order(_timed, work, key, searches))
+    taken = _fed(mapper, given)
+    begin = stopwatch()
+    beside.close()
+    late = stopwatch() - begin
+    mapper.finish()
+    half, most = (1e3 * np.quantile(taken, (0.5, 0.99))).tolist()
+    sys.stdout.write(
+        f"{len(given)} scans of {BEAMS} beams, {1 / PERIOD:.0f} a second, {'with' if kernels.COMPILED else 'without'} "
+        f"numba: {len(mapper.keys)} key scans, {len(mapper.graph.loops)} loops\n"
+        f"one scan   half of them {half:.1f}, 99 % {most:.1f} (bar {LONGEST:g}), slowest {1e3 * max(taken):.1f} ms\n"
+        f"loops      slowest search {1e3 * max(searches):.0f} ms, in all {sum(searches):.1f} s of {seconds:g} s; "
+        f"done {late:.1f} s after the last scan\n"
+    )
+    return int(most > LONGEST)
+
+
+def readings(seconds: float) -> list[Reading]:
+    """What the robot sees and counts, one every `PERIOD`."""
+    world, _ = building()
+    width = (LONG - (BLOCKS + 1) * CORRIDOR) / BLOCKS
+    low, right, high = CORRIDOR / 2, CORRIDOR * 1.5 + width, WIDE - CORRIDOR / 2
+    corners = [(low, low), (right, low), (right, high), (low, high)]
+    count = round(seconds / PERIOD)
+    rounds = 2 + int(seconds * SPEED / (2 * (right + high)))
+    poses = driven([*corners * rounds, corners[0]], step=SPEED * PERIOD, turn=TURN * PERIOD)[:count]
+    counted = odometry(poses, [1.03] * (len(poses) - 1), np.radians(0.5))
+    dice, angles = np.random.default_rng(1), np.linspace(-FIELD, FIELD, BEAMS)
+    found = []
+    for number, pose in enumerate(poses):
+        ranges = seen(world, pose, angles, 20.0)
+        ranges = np.where(ranges > 0, ranges + dice.normal(0, 0.012, BEAMS), 0.0)
+        points = surface_points(ranges, angles, SETTINGS)
+        found.append(Reading(time=number * PERIOD, odometry=counted[number], points=points))
+    return found
+
+
+def _fed(mapper: Mapper, given: Sequence[Reading]) -> list[float]:
+    """How long each reading took [s], each at its time."""
+    never, begin, taken = Event(), stopwatch(), []
+    for reading in given:
+        never.wait(max(0.0, begin + reading.time - stopwatch()))
+        start = stopwatch()
+        mapper.add(reading)
+        taken.append(stopwatch() - start)
+    return taken
+
+
+def _timed(work: Callable[[NewKey], None], key: NewKey, searches: list[float]) -> None:
+    begin = stopwatch()
+    work(key)
+    searches.append(stopwatch() - begin)
