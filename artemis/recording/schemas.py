@@ -6,6 +6,7 @@ no unions), so the schemas are derived here. Names of fields are shown there: an
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Iterator
 from enum import Enum
@@ -175,6 +176,9 @@ _ENCODER = msgspec.json.Encoder()
 encode = _ENCODER.encode
 _TICK = msgspec.json.Decoder(TickRecord)
 _NON_FINITE = {"float:nan": float("nan"), "float:inf": float("inf"), "float:-inf": float("-inf")}
+_TEXT = "text:"
+_STRING = re.compile(rb'"[^"\\]*(?:\\.[^"\\]*)*"')
+"""Of JSON."""
 
 
 def tick_record(tick: values.Tick, true_pose: values.Pose | None = None) -> bytes:
@@ -217,18 +221,35 @@ def _differing(name: str, recorded: Any, now: Any) -> Iterator[str]:  # noqa: AN
 def _exact(record: values.Tick) -> bytes:
     """JSON of a record. No None is in it, but msgspec writes nan and inf as null: then they are spelled out."""
     written = encode(record)
-    return encode(_respelled(msgspec.to_builtins(record))) if b"null" in written else written
+    if b"null" in written and b"null" in _STRING.sub(b"", written):
+        return encode(_spelled(msgspec.to_builtins(record)))
+    return written
+
+
+def _spelled(value: Any) -> Any:  # noqa: ANN401 (any JSON)
+    """Non-finite floats as strings in nested dicts and sequences; a string that looks like one is marked."""
+    match value:
+        case dict():
+            return {key: _spelled(part) for key, part in value.items()}
+        case list() | tuple():
+            return [_spelled(part) for part in value]
+        case float() if not isfinite(value):
+            return f"float:{value}"
+        case str() if value in _NON_FINITE or value.startswith(_TEXT):
+            return _TEXT + value
+    return value
 
 
 def _respelled(value: Any) -> Any:  # noqa: ANN401 (any JSON)
-    """Non-finite floats as strings, and such strings as floats, in nested dicts and sequences."""
-    if isinstance(value, dict):
-        return {key: _respelled(part) for key, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [_respelled(part) for part in value]
-    if isinstance(value, float) and not isfinite(value):
-        return f"float:{value}"
-    return _NON_FINITE.get(value, value) if isinstance(value, str) else value
+    """Inverse of `_spelled`."""
+    match value:
+        case dict():
+            return {key: _respelled(part) for key, part in value.items()}
+        case list():
+            return [_respelled(part) for part in value]
+        case str():
+            return _NON_FINITE.get(value, value.removeprefix(_TEXT))
+    return value
 
 
 # ----------------------------------------------------------------------------------------------------------- frames

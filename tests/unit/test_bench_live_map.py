@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from artemis.mapping.mapper import Mapper
+from artemis_lab.bench.laser_worlds import SETTINGS
 from artemis_lab.commands import bench_live_map as bench
 
 
@@ -16,7 +17,7 @@ def test_the_robot_sees_the_building_fifty_times_a_second() -> None:
     last = given[-1].odometry
     assert last is not None
     assert last[:2] == pytest.approx([1.03 * 1.5 * 1.98, 0.04], abs=0.02)
-    mapper = Mapper(bench.SETTINGS)
+    mapper = Mapper(SETTINGS)
     for reading in given:
         assert reading.points is not None
         mapper.add(reading)

@@ -5,18 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 from msgspec.structs import replace
+from pydantic import ValidationError
 
 from artemis.config import Config
 from artemis.errors import ConfigError, DeviceLost
 from artemis.plugins.contracts import PluginContext
 from artemis.plugins.fixes import plain_fixes
 from artemis.plugins.guard import PluginGuard
+from artemis.plugins.localizers.scan_map import ScanMapConfig
 from artemis.plugins.localizers.simulated_tracker import SimulatedTracker, SimulatedTrackerConfig
 from artemis.plugins.localizers.tracker import TrackerConfig, TrackerLocalizer
 from artemis.supervision.catalogue import ROWS
@@ -99,6 +102,31 @@ def test_every_problem_of_a_recorded_file_is_named_with_its_line() -> None:
         recorded(b"t,x,y,heading\n\xff")
     with pytest.raises(ConfigError, match="among the mission's files"):
         TrackerLocalizer(TrackerConfig(file="f.csv"), PluginContext(name="hall", robot=ROBOT, folder=Path()))
+
+
+@pytest.mark.parametrize(
+    ("make", "std_m", "std_deg"),
+    [
+        (partial(TrackerConfig, file="f.csv"), "std_m", "std_deg"),
+        (SimulatedTrackerConfig, "noise_m", "noise_deg"),
+        (partial(ScanMapConfig, map="hall.yaml"), "start_std_m", "start_std_deg"),
+    ],
+)
+def test_standard_deviations_are_not_smaller_than_those_that_are_believed(
+    make: Callable[..., Config], std_m: str, std_deg: str
+) -> None:
+    for name, least in ((std_m, 1e-6), (std_deg, 1e-4)):
+        make(**{name: least})
+        with pytest.raises(ValidationError, match=name):
+            make(**{name: 0.9 * least})
+
+
+def test_the_surest_and_the_vaguest_recorded_fixes_are_believed() -> None:
+    for stds in (b"1e-6,1e-4", b"100,100"):
+        fixes = recorded(b"t,x,y,heading,std_m,std_deg\n1,2,3,4," + stds + b"\n").fixes(9.0)
+        assert None not in (plain_fixes(fixes) or (None,))
+    with pytest.raises(ConfigError, match=r"expected 0\.0001 to 100, not 1e-05"):
+        recorded(b"t,x,y,heading,std_deg\n1,2,3,4,1e-5\n")
 
 
 def seen(**options: Any) -> list[tuple[float, PoseFix]]:  # noqa: ANN401 (keys of the plugin)

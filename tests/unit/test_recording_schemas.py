@@ -120,6 +120,25 @@ def test_nan_survives() -> None:
     assert back.age is None
 
 
+@pytest.mark.parametrize("text", ["float:nan", "text:float:nan", "text:", "null", '{"goal":null,"a":"\\\\"}'])
+@pytest.mark.parametrize("speed", [0.5, math.inf])
+def test_a_text_that_reads_like_a_number_stays_text(text: str, speed: float) -> None:
+    sensed = Sensed(
+        index=1,
+        time=0.02,
+        inputs=(OperatorInput(source=text, speed=speed, steering=0.0),),
+        faults=(Fault(id="DRV-25", severity=Severity.WARN, text=text),),
+    )
+    assert recorded(sensed) == sensed
+
+
+def test_a_text_with_null_is_written_as_fast_as_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("artemis.recording.schemas._spelled", None)
+    fault = Fault(id="DRV-25", severity=Severity.WARN, text='{"goal":null,"said":"\\"null\\""}')
+    sensed = Sensed(index=1, time=0.02, faults=(fault,))
+    assert recorded(sensed) == sensed
+
+
 def test_a_tick_with_nan_survives() -> None:
     tick = next(synthetic_run.run()).tick
     back = tick_from_record(tick_record(replace(tick, set_points=replace(tick.set_points, speed=math.nan))))

@@ -18,6 +18,7 @@ from pydantic import Discriminator, Field, Tag
 from artemis.config import Config
 from artemis.errors import ConfigError, similar
 from artemis.plugins.contracts import PluginContext
+from artemis.plugins.localizers.covariance import SUREST_DEG, SUREST_M
 from artemis.plugins.observing import PATIENCE, Beside
 from artemis.scan import Scan
 from artemis.values import LocatedPose, Pose, PoseFix, Tick
@@ -57,9 +58,9 @@ class ScanMapConfig(Config):
         Discriminator(lambda given: "<pose>" if isinstance(given, dict | StartPose) else "<word>"),
     ] = "global"
     """Where the robot begins; anywhere; or where the last run of this mission ended, if none has driven it since."""
-    start_std_m: Annotated[float, Field(gt=0, le=2)] = 0.3
+    start_std_m: Annotated[float, Field(ge=SUREST_M, le=2)] = 0.3
     """Standard deviation of x and y there, also of `last`."""
-    start_std_deg: Annotated[float, Field(gt=0, le=90)] = 10.0
+    start_std_deg: Annotated[float, Field(ge=SUREST_DEG, le=90)] = 10.0
     """That of the heading."""
     map_std_m: Annotated[float, Field(ge=0, le=1)] = 0.03
     """How far walls of the map and distances of the scanner may be off: added to each fix, it counts so much less."""

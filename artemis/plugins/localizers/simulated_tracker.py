@@ -16,7 +16,7 @@ from artemis.config import Config
 from artemis.errors import ConfigError
 from artemis.motion.angles import wrap
 from artemis.plugins.contracts import PluginContext
-from artemis.plugins.localizers.covariance import covariance
+from artemis.plugins.localizers.covariance import SUREST_DEG, SUREST_M, covariance
 from artemis.values import Pose, PoseFix
 
 Span = Annotated[tuple[float, float], Field(strict=False)]
@@ -37,9 +37,9 @@ class SimulatedTrackerConfig(Config):
     """Keys of `localizer: {plugin: simulated_tracker, ...}`."""
 
     rate_hz: Annotated[float, Field(gt=0, le=200)] = 10.0
-    noise_m: Annotated[float, Field(gt=0, le=1)] = 0.005
+    noise_m: Annotated[float, Field(ge=SUREST_M, le=1)] = 0.005
     """Standard deviation of x and y; the fixes say so."""
-    noise_deg: Annotated[float, Field(gt=0, le=90)] = 0.5
+    noise_deg: Annotated[float, Field(ge=SUREST_DEG, le=90)] = 0.5
     delay_s: Annotated[float, Field(ge=0, le=2)] = 0.1
     """So long after its time a fix arrives."""
     drop_out: Annotated[tuple[Span, ...], Field(strict=False)] = ()

@@ -11,7 +11,7 @@ from artemis.errors import ConfigError
 from artemis.motion.angles import wrap
 from artemis.motion.table import Table
 from artemis.plugins.contracts import PluginContext
-from artemis.plugins.localizers.covariance import covariance
+from artemis.plugins.localizers.covariance import SUREST_DEG, SUREST_M, covariance
 from artemis.values import Pose, PoseFix
 
 NAMES = {
@@ -26,8 +26,6 @@ NAMES = {
     "std_m": "std_m",
     "std_deg": "std_deg",
 }
-SURE = 1e-6
-"""Least standard deviation [m, degrees]: nothing is known exactly."""
 
 
 class TrackerConfig(Config):
@@ -36,8 +34,8 @@ class TrackerConfig(Config):
     file: str
     """A table with header: t (run time [s]), x, y [m] and heading [rad] of the centre of the rear axle in the frame of
     the map; std_m and std_deg, their standard deviations, if they change."""
-    std_m: Annotated[float, Field(gt=0, le=10)] = 0.01
-    std_deg: Annotated[float, Field(gt=0, le=90)] = 1.0
+    std_m: Annotated[float, Field(ge=SUREST_M, le=10)] = 0.01
+    std_deg: Annotated[float, Field(ge=SUREST_DEG, le=90)] = 1.0
     delay_s: Annotated[float, Field(ge=0, le=2)] = 0.0
     """So long after its time a fix arrives."""
 
@@ -72,9 +70,9 @@ class TrackerLocalizer:
         for row in range(count):
             if row and times[row] < times[row - 1]:
                 table.report(row, f"times run backwards, from {times[row - 1]:g} to {times[row]:g} s", "t")
-            for name, stds in (("std_m", stds_m), ("std_deg", stds_deg)):
-                if not SURE <= stds[row] <= 100:
-                    table.report(row, f"expected {SURE:g} to 100, not {stds[row]:g}", name)
+            for name, stds, least in (("std_m", stds_m, SUREST_M), ("std_deg", stds_deg, SUREST_DEG)):
+                if not least <= stds[row] <= 100:
+                    table.report(row, f"expected {least:g} to 100, not {stds[row]:g}", name)
         table.raise_problems()
         poses = zip(columns["x"], columns["y"], columns["heading"], strict=True)
         self._fixes = [
