@@ -13,7 +13,7 @@ from pathlib import Path
 from artemis import clock
 from artemis.app import Outcome
 from artemis.commands.devices import open_bus
-from artemis.commands.gains_trial import WAY, Findings, GainsWatch, Trial, findings, table, write_mission
+from artemis.commands.gains_trial import DISTANCE, Findings, GainsWatch, Trial, findings, table, write_mission
 from artemis.commands.run import run_in_sight
 from artemis.commands.terminal import confirmed
 from artemis.devices.memory import read_gains, store, with_observer
@@ -197,7 +197,7 @@ def announced(trial: Trial) -> str:
     )
     if trial.role == "steering":
         return f"{who}: the robot stands, its wheels turn by {trial.step:g} degrees to the left and back, {times}"
-    return f"{who}: the robot drives {WAY:g} m straight ahead and back at {trial.step:g} m/s, {times}"
+    return f"{who}: the robot drives {DISTANCE:g} m straight ahead and back at {trial.step:g} m/s, {times}"
 
 
 # ---------------------------------------------------------------------------------------------- showing

@@ -16,7 +16,7 @@ from artemis.recording.mcap_reader import Recording
 from artemis.report.responses import Trace, read_traces
 from artemis.values import JobKind, Mode, Tick
 
-WAY = 0.5
+DISTANCE = 0.5
 """A driven wheel is tried on so much of a straight [m], there and back."""
 POINTS = 11
 FREQUENCIES, FREQUENCY = (25, 40, 50, 100, 125, 200), 200
@@ -92,7 +92,7 @@ def write_mission(loaded: LoadedMission, source: Path, trial: Trial, folder: Pat
     kept = {"tick_hz": frequency, **kept, "mission": "gains"}
     files = {name: loaded.files[name] for name in (loaded.mission.robot,)}
     if trial.role == "traction":
-        rows = (f"{WAY * index / (POINTS - 1):.3f},0.0" for index in range(POINTS))
+        rows = (f"{DISTANCE * index / (POINTS - 1):.3f},0.0" for index in range(POINTS))
         files[PATH_FILE] = "\n".join(("x_m,y_m", *rows, "")).encode()
     text = json.dumps({**kept, "steps": trial.steps}, indent=2, ensure_ascii=False)
     files["gains.yaml"] = f"# A trial of gains, made of {source.name}.\n{text}\n".encode()

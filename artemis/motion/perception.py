@@ -27,9 +27,9 @@ from artemis.values import (
 )
 from artemis.vehicle import RobotFile
 
-STANDING_TIME, STANDING_WAY = 0.1, 0.001
+STANDING_TIME, STANDING_DISTANCE = 0.1, 0.001
 """The robot stands when no driven wheel rolled further than this [m] in this time [s]."""
-UNCOUNTED_WAY, UNHEARD_TIME = 0.01, 0.5
+UNCOUNTED_DISTANCE, UNHEARD_TIME = 0.01, 0.5
 """A driven wheel that rolled further than this [m] while it was not heard, or was not heard for so long [s] since it
 rolled, is anywhere."""
 
@@ -189,7 +189,9 @@ class Perception:
         if left.jumps > 1 or right.jumps > 1:
             return True
         at_left, at_right = self._stood
-        rolled = abs(left.position - at_left) > UNCOUNTED_WAY or abs(right.position - at_right) > UNCOUNTED_WAY
+        rolled = (
+            abs(left.position - at_left) > UNCOUNTED_DISTANCE or abs(right.position - at_right) > UNCOUNTED_DISTANCE
+        )
         return self._uncounted and rolled
 
     def _stands(self, left: DriveFeedback, right: DriveFeedback) -> bool:
@@ -198,7 +200,7 @@ class Perception:
         first, last = self._rolled[0], self._rolled[-1]
         if last[0] - first[0] < 0.9 * STANDING_TIME or _is_older(left, self._stale) or _is_older(right, self._stale):
             return False
-        return abs(last[1] - first[1]) <= STANDING_WAY and abs(last[2] - first[2]) <= STANDING_WAY
+        return abs(last[1] - first[1]) <= STANDING_DISTANCE and abs(last[2] - first[2]) <= STANDING_DISTANCE
 
 
 def _is_older(drive: DriveFeedback, age: float) -> bool:

@@ -18,7 +18,7 @@ POSITION_NOISE, HEADING_NOISE = 0.005, math.radians(0.25)
 """Standard deviation of a measured coordinate [m] and heading [rad]: of a laser's pose in a known map."""
 POSITION_WALK, HEADING_WALK, ZERO_WALK = 0.003, math.radians(0.15), math.radians(0.1)
 """What the wheels do not tell, after one metre: slip, play of the steering; grows with the root of the distance."""
-ZERO_SPREAD, ZERO_LIMIT = math.radians(1.5), math.radians(5)
+ZERO_STD, ZERO_LIMIT = math.radians(1.5), math.radians(5)
 """Of the steering's zero before anything is known of it, and the largest that is believed [rad]."""
 JUMP, TURN = 0.2, math.radians(15)
 """A pose that is farther off [m, rad] is no noise: it was set anew, and holds."""
@@ -36,7 +36,7 @@ class PoseFilter:
         self.pose, self.steering_zero = pose, 0.0
         self._wheelbase, self._last = wheelbase, odometry
         self._position = POSITION_NOISE**2
-        self._heading, self._both, self._zero = HEADING_NOISE**2, 0.0, ZERO_SPREAD**2
+        self._heading, self._both, self._zero = HEADING_NOISE**2, 0.0, ZERO_STD**2
 
     def update(self, pose: Pose, odometry: Odometry) -> None:
         """Take in the measured pose and the motion, once in each tick."""
@@ -66,4 +66,4 @@ class PoseFilter:
         self._position += POSITION_WALK**2 * distance
         self._heading += lever * (2 * self._both + lever * self._zero) + HEADING_WALK**2 * distance
         self._both += lever * self._zero
-        self._zero = min(self._zero + ZERO_WALK**2 * distance, ZERO_SPREAD**2)
+        self._zero = min(self._zero + ZERO_WALK**2 * distance, ZERO_STD**2)

@@ -20,7 +20,7 @@ from artemis.vehicle import RobotFile
 
 SUB_STEPS = 4
 """Of a period: in each the steering angle counts as constant, which errs by 0.03 mm in 7 m."""
-STANDING_TIME, STANDING_WAY = 0.1, 0.001
+STANDING_TIME, STANDING_DISTANCE = 0.1, 0.001
 """The robot stands when it rolled no further than this [m] in this time [s]."""
 NARROW = 1e-6
 """Track of a bicycle [m]: wheel and virtual wheel are one to nine digits."""
@@ -108,7 +108,7 @@ class Plant:
             dt=noise.period,
             pose=LocatedPose(pose=pose),
             odometry=Odometry(pose=pose, speed=speed, steering=self.steering, distance=self._distance),
-            standing=sum(self._distances) <= STANDING_WAY,
+            standing=sum(self._distances) <= STANDING_DISTANCE,
             set_points=self.set_points,
             verdict=Verdict(),
         )

@@ -163,8 +163,10 @@ def _inside(off: Array, found: list[ScanPose]) -> float:
     common, _ = common_covariance(_CELL)
     stated = [each for each in zip(off, found, strict=True) if each[1].measured is not None]
     errors_in = np.array([error for error, _ in stated])
-    spreads = np.array([each.measured[:2, :2] + common * np.eye(2) for _, each in stated if each.measured is not None])
-    square = np.einsum("ni,nij,nj->n", errors_in, np.linalg.inv(spreads), errors_in)
+    covariances = np.array(
+        [each.measured[:2, :2] + common * np.eye(2) for _, each in stated if each.measured is not None]
+    )
+    square = np.einsum("ni,nij,nj->n", errors_in, np.linalg.inv(covariances), errors_in)
     return float((square < _ELLIPSE).mean())
 
 

@@ -23,7 +23,7 @@ from artemis.mapping.se2 import Array, between
 from artemis.route_planning.zones import MapZones
 from artemis_lab.bench.laser_worlds import driven, odometry, seen, walls
 
-WAY = driven([(-2, -3), (0, -3), (0, 1), (0, -3), (-2, -3)], 0.25)
+DRIVE = driven([(-2, -3), (0, -3), (0, 1), (0, -3), (-2, -3)], 0.25)
 
 
 def written(file: Path, way: Array, scale: float, world: Array = OFFICE) -> Path:
@@ -40,7 +40,7 @@ def written(file: Path, way: Array, scale: float, world: Array = OFFICE) -> Path
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return written(tmp_path_factory.mktemp("log") / "office.clf", WAY, 0.95)
+    return written(tmp_path_factory.mktemp("log") / "office.clf", DRIVE, 0.95)
 
 
 @pytest.fixture(scope="module")
@@ -84,10 +84,10 @@ def test_a_map_is_built_shown_and_edited(log: Path, tmp_path: Path) -> None:
 
 def test_the_graph_of_a_map_knows_where_the_robot_was(begun: Path, tmp_path: Path) -> None:
     by_map = MapTrajectory(begun)
-    count = len(WAY) // 2
+    count = len(DRIVE) // 2
     middle = by_map.at(0.1 * count)
     assert middle is not None
-    true = between(WAY[0], WAY[count])  # the map begins where the robot did
+    true = between(DRIVE[0], DRIVE[count])  # the map begins where the robot did
     assert (middle.x, middle.y) == pytest.approx(true[:2], abs=0.03)
     assert by_map.at(-1.0) is None
     assert by_map.at(1e3) is None
@@ -97,7 +97,7 @@ def test_the_graph_of_a_map_knows_where_the_robot_was(begun: Path, tmp_path: Pat
 
 def test_two_runs_make_one_map(log: Path, tmp_path: Path) -> None:
     call("build", log, log, "-o", tmp_path / "two.yaml", "--without-odometry")
-    assert len(read_graph(tmp_path / "two.graph").trajectory) == 2 * len(WAY)
+    assert len(read_graph(tmp_path / "two.graph").trajectory) == 2 * len(DRIVE)
 
 
 def test_a_further_run_may_begin_anywhere_on_the_map(log: Path, tmp_path: Path) -> None:
@@ -105,7 +105,7 @@ def test_a_further_run_may_begin_anywhere_on_the_map(log: Path, tmp_path: Path) 
     way = driven([(0, 0), (0, 1), (0, -2)], 0.25)
     told = call("build", log, written(tmp_path / "b.clf", way, 1.0), "-o", tmp_path / "two.yaml")
     assert "b.clf: begins 3.5 m from where the one before ended" in told
-    true = np.concatenate([WAY, way])
+    true = np.concatenate([DRIVE, way])
     off = between(between(true[0], true), read_graph(tmp_path / "two.graph").trajectory[:, 1:])
     assert np.hypot(off[:, 0], off[:, 1]).max() < 0.1
 
@@ -164,10 +164,10 @@ def test_a_map_is_gone_on_with(begun: Path, tmp_path: Path) -> None:
     call("build", second, "--continue", begun, "-o", more)
     old, new = read_graph(begun.with_suffix(".graph")), read_graph(more.with_suffix(".graph"))
     assert len(new.keys) > len(old.keys) + 5
-    assert len(new.trajectory) == len(WAY) + len(further)
+    assert len(new.trajectory) == len(DRIVE) + len(further)
     across = [each for each in new.graph.loops.values() if each.first < len(old.keys) <= each.second]
     assert len(across) > 3
-    true = np.concatenate([WAY, further])
+    true = np.concatenate([DRIVE, further])
     off = between(between(true[0], true), new.trajectory[:, 1:])
     assert np.hypot(off[:, 0], off[:, 1]).max() < 0.1
     again = tmp_path / "again.yaml"

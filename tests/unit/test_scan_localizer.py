@@ -18,7 +18,7 @@ from artemis_lab.bench.laser_worlds import SETTINGS, box, driven, odometry, scan
 
 TUNED = LocalizerSettings(matching=replace(SETTINGS, cells=1024, farthest=20.0))
 STANDS = driven([(-2, -3), (1, -3), (1, 1), (3.5, 1), (3.5, 0), (6, 0), (6, 1.2), (1, 1), (-5, 1), (-5, -3)], 0.5)
-WAY = driven([(-2.2, -3.1), (0.9, -3.0), (0.8, 1.2), (3.4, 0.9), (0.9, 1.1), (-5.1, 1.1), (-5.2, -2.9)], 0.2)
+DRIVE = driven([(-2.2, -3.1), (0.9, -3.0), (0.8, 1.2), (3.4, 0.9), (0.9, 1.1), (-5.1, 1.1), (-5.2, -2.9)], 0.2)
 SOLD = np.concatenate([OFFICE, box(0.0, 3.0, 0.8, 0.8), box(4.0, -3.0, 0.5, 0.5)])
 """The office with two things more than on the map."""
 
@@ -45,9 +45,9 @@ def errors(found: list[ScanPose], true: Array) -> Array:
 
 @pytest.mark.exhaustive
 def test_a_robot_is_followed_past_things_that_are_not_on_the_map(known: ScanMap) -> None:
-    counted = odometry(WAY, [0.9] * (len(WAY) - 1), np.radians(5))
-    found = followed(ScanLocalizer(known, TUNED, WAY[0]), SOLD, WAY, counted)
-    off = errors(found, WAY)
+    counted = odometry(DRIVE, [0.9] * (len(DRIVE) - 1), np.radians(5))
+    found = followed(ScanLocalizer(known, TUNED, DRIVE[0]), SOLD, DRIVE, counted)
+    off = errors(found, DRIVE)
     assert off.mean() < 0.02
     assert off.max() < 0.08
     assert not any(each.lost for each in found)
@@ -58,12 +58,12 @@ def test_a_robot_is_followed_past_things_that_are_not_on_the_map(known: ScanMap)
 
 @pytest.mark.exhaustive
 def test_a_robot_is_followed_without_odometry(known: ScanMap) -> None:
-    assert errors(followed(ScanLocalizer(known, TUNED, WAY[0]), OFFICE, WAY, None), WAY).max() < 0.08
+    assert errors(followed(ScanLocalizer(known, TUNED, DRIVE[0]), OFFICE, DRIVE, None), DRIVE).max() < 0.08
 
 
 @pytest.mark.parametrize("begin", [0, 30, 60])
 def test_a_robot_is_found_anywhere(known: ScanMap, begin: int) -> None:
-    way = WAY[begin:]
+    way = DRIVE[begin:]
     found = followed(ScanLocalizer(known, TUNED), OFFICE, way, odometry(way, [1.0] * (len(way) - 1)))
     first = next(number for number, each in enumerate(found) if not each.lost)
     assert first < 25
@@ -90,7 +90,7 @@ def compared(on: ScanMap, world: Array, true: Array, *, by_operator: bool) -> tu
 @pytest.mark.parametrize("by_operator", [False, True])
 def test_a_given_place_is_compared_once_with_all_others(known: ScanMap, by_operator: bool) -> None:
     after = [TUNED.gather_scans - 1]
-    assert compared(known, OFFICE, WAY[3], by_operator=by_operator) == (after, None)
+    assert compared(known, OFFICE, DRIVE[3], by_operator=by_operator) == (after, None)
     looked, rival = compared(twin_map(TUNED.matching), TWINS, np.array([2.6, 2.1, 0.0]), by_operator=by_operator)
     assert looked == after
     assert rival == pytest.approx([9.6, 2.1, 0.0], abs=0.02)
@@ -116,8 +116,8 @@ def test_a_place_is_not_compared_any_more_once_another_one_was_given() -> None:
 
 
 def test_a_kidnapped_robot_says_so_and_is_found_again(known: ScanMap) -> None:
-    way = np.concatenate([WAY[:15], WAY[55:90]])
-    counted = odometry(WAY, [1.0] * (len(WAY) - 1))
+    way = np.concatenate([DRIVE[:15], DRIVE[55:90]])
+    counted = odometry(DRIVE, [1.0] * (len(DRIVE) - 1))
     wheels = np.concatenate([counted[:15], compose(counted[14], between(counted[55], counted[55:90]))])
     found = followed(ScanLocalizer(known, TUNED, way[0]), OFFICE, way, wheels)
     assert not any(each.lost for each in found[:15])
@@ -138,8 +138,8 @@ def test_another_building_is_not_taken_for_the_map(known: ScanMap) -> None:
 
 
 def test_a_robot_that_sees_nothing_grows_doubtful(known: ScanMap) -> None:
-    localizer = ScanLocalizer(known, TUNED, WAY[0])
-    followed(localizer, OFFICE, WAY[:5], None)
+    localizer = ScanLocalizer(known, TUNED, DRIVE[0])
+    followed(localizer, OFFICE, DRIVE[:5], None)
     nothing = np.empty((0, 4))
     doubts = [localizer.update(nothing, None).doubt for _ in range(6)]
     assert doubts == sorted(doubts)
@@ -155,8 +155,8 @@ def test_cells_of_an_image_are_lines_again() -> None:
     normals = surface[(surface[:, 2:] != 0).any(1)]
     assert len(normals) > 0.6 * len(surface)
     assert (np.abs(normals[:, 2:]).max(1) > 0.98).mean() > 0.8, "all walls are along x or y"
-    localizer = ScanLocalizer(ScanMap.of_cells(grid, TUNED.matching), TUNED, WAY[0])
-    assert errors(followed(localizer, OFFICE, WAY[:40], odometry(WAY[:40], [1.0] * 39)), WAY[:40]).max() < 0.1
+    localizer = ScanLocalizer(ScanMap.of_cells(grid, TUNED.matching), TUNED, DRIVE[0])
+    assert errors(followed(localizer, OFFICE, DRIVE[:40], odometry(DRIVE[:40], [1.0] * 39)), DRIVE[:40]).max() < 0.1
 
 
 def test_a_map_that_two_threads_share_is_changed_by_neither() -> None:
@@ -166,9 +166,9 @@ def test_a_map_that_two_threads_share_is_changed_by_neither() -> None:
         value for grid in (fresh.grid, fresh.rough) for value in vars(grid).values() if isinstance(value, np.ndarray)
     ]
     before = [array.copy() for array in arrays]
-    points = scan(OFFICE, WAY[3])
+    points = scan(OFFICE, DRIVE[3])
     localizer = ScanLocalizer(fresh, replace(TUNED, gather_scans=1))
-    localizer.begin_at(WAY[3], (0.3, 0.1))
+    localizer.begin_at(DRIVE[3], (0.3, 0.1))
     assert localizer.update(points, None).doubt == 0.0
     assert localizer.look(PlaceSearch(points=points, at=np.zeros(3), since=0)) is not None
     for array, old in zip(arrays, before, strict=True):

@@ -41,10 +41,10 @@ def lap(*more: int) -> Array:
     return driven([*corners, *(corners[each] for each in more)], step=0.35)
 
 
-WAY = lap(1, 2)
+DRIVE = lap(1, 2)
 SECOND = len(lap(1)) - len(driven([(CORRIDOR / 2, 0.0), (LONG - CORRIDOR / 2, 0.0)], step=0.35))
 """Number of the scan with which the second lap begins."""
-LEFT = len(WAY) - SECOND
+LEFT = len(DRIVE) - SECOND
 """So many scans does the second lap have."""
 
 
@@ -81,19 +81,19 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> SimulatedLog:
     """
     folder, dice = tmp_path_factory.mktemp("simulated"), np.random.default_rng(5)
     world, cupboards = building(seed=3), (box(10.0, 0.0, 0.6, 0.4), box(25.0, 0.0, 0.8, 0.4))
-    counted = odometry(WAY, 0.98 + dice.normal(0, 0.03, len(WAY) - 1), np.radians(2))
+    counted = odometry(DRIVE, 0.98 + dice.normal(0, 0.03, len(DRIVE) - 1), np.radians(2))
     with (folder / "log.clf").open("w") as out:
-        for number, (pose, wheels) in enumerate(zip(WAY, counted, strict=True)):
+        for number, (pose, wheels) in enumerate(zip(DRIVE, counted, strict=True)):
             ranges = seen(np.concatenate([world, cupboards[number >= SECOND]]), pose, BEAMS, REACH)
             measured = np.where(ranges > 0, ranges + dice.normal(0, NOISE, len(ranges)), 81.83)
             x, y, heading = wheels
             words = " ".join(f"{each:.3f}" for each in measured)
             out.write(f"FLASER 180 {words} 0 0 0 {x:.5f} {y:.5f} {heading:.6f} {PERIOD * number:.2f} host 0\n")
-    pairs = [(first, first + 6) for first in range(0, len(WAY) - 6, 5)]
-    pairs += [(first, first + SECOND) for first in range(0, len(WAY) - SECOND, 5)]
+    pairs = [(first, first + 6) for first in range(0, len(DRIVE) - 6, 5)]
+    pairs += [(first, first + SECOND) for first in range(0, len(DRIVE) - SECOND, 5)]
     with (folder / "relations").open("w") as out:
         for first, second in pairs:
-            x, y, heading = between(WAY[first], WAY[second])
+            x, y, heading = between(DRIVE[first], DRIVE[second])
             out.write(f"{PERIOD * first:.2f} {PERIOD * second:.2f} {x:.6f} {y:.6f} 0 0 0 {heading:.6f}\n")
     return SimulatedLog(log=folder / "log.clf", relations=folder / "relations")
 

@@ -9,7 +9,7 @@ through it that begins along the robot's heading has the curvature
     gamma = 2 y / l^2
 
 (Coulter). The look-ahead is a time's distance, l = v t within bounds; the speed is v, less where the commanded curve
-has a smaller radius than r_min, v' = v / (r_min |gamma|), and falls with the way that is left of the last metre or so
+has a smaller radius than r_min, v' = v / (r_min |gamma|), and falls with the distance that is left of the last metre or so
 (Macenski et al., adaptive look-ahead, curvature heuristic and approach).
 """
 
@@ -48,7 +48,7 @@ class PurePursuitConfig(Config):
     regulated_min_speed_m_s: WishedSpeed = 0.25
     """A curve does not slow the robot down further."""
     approach_m: Annotated[float, Field(gt=0)] = 0.6
-    """Before the end, the speed falls with the way that is left."""
+    """Before the end, the speed falls with the distance that is left."""
     min_approach_speed_m_s: WishedSpeed = 0.05
 
     @model_validator(mode="after")
@@ -119,7 +119,7 @@ def curvature_through(pose: Pose, x: float, y: float) -> float:
 
 
 def regulated(speed: float, curvature: float, remaining: float, config: PurePursuitConfig) -> float:
-    """A speed [m/s] made slower for the curvature that is commanded [1/m] and for the way to the end [m]."""
+    """A speed [m/s] made slower for the curvature that is commanded [1/m] and for the distance to the end [m]."""
     tightness = config.regulated_min_radius_m * abs(curvature)
     if tightness > 1.0:
         speed = min(speed, max(speed / tightness, config.regulated_min_speed_m_s))
