@@ -163,10 +163,8 @@ def _inside(off: Array, found: list[ScanPose]) -> float:
     common, _ = common_covariance(_CELL)
     stated = [each for each in zip(off, found, strict=True) if each[1].measured is not None]
     errors_in = np.array([error for error, _ in stated])
-    covariances = np.array(
-        [each.measured[:2, :2] + common * np.eye(2) for _, each in stated if each.measured is not None]
-    )
-    square = np.einsum("ni,nij,nj->n", errors_in, np.linalg.inv(covariances), errors_in)
+    own = [each.measured[:2, :2] for _, each in stated if each.measured is not None]
+    square = np.einsum("ni,nij,nj->n", errors_in, np.linalg.inv(np.array(own) + common * np.eye(2)), errors_in)
     return float((square < _ELLIPSE).mean())
 
 

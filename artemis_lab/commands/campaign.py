@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from artemis.clock import stopwatch
 from artemis.commands.live import LiveView
 from artemis.devices.can_bus import Traffic
 from artemis.values import Tick
@@ -78,10 +79,11 @@ def run_one(file: Path, seed: int) -> int:
 
 
 class _Bar:
-    """How far the campaign is: a bar at a terminal, else a line for every tenth."""
+    """How far the campaign is, and how fast: a bar at a terminal, else a line for every tenth."""
 
     def __init__(self, campaign: Campaign, done: int) -> None:
         self._total, self._done, self._failed = campaign.words.runs, done, 0
+        self._before, self._begin = done, stopwatch()
         self._progress: Progress | None = None
         if sys.stdout.isatty():
             columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
@@ -101,11 +103,13 @@ class _Bar:
         """One more run is finished."""
         self._failed += bool(result.violations)
         before, self._done = self._done, self._done + 1
+        a_minute = 60.0 * (self._done - self._before) / max(1e-3, stopwatch() - self._begin)
         if self._progress is not None:
             failed = f", {self._failed} failed" if self._failed else ""
-            self._progress.update(self._task, advance=1, description=f"runs{failed}")
+            self._progress.update(self._task, advance=1, description=f"runs{failed}, {a_minute:.0f} a minute")
         elif 10 * before // self._total != 10 * self._done // self._total:
-            _say(f"{self._done} of {self._total} runs, {self._failed} failed")
+            speed = f"{a_minute:.0f} a minute, {(self._total - self._done) / a_minute:.0f} minutes left"
+            _say(f"{self._done} of {self._total} runs, {self._failed} failed; {speed}")
 
 
 @contextmanager

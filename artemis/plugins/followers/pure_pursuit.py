@@ -9,8 +9,8 @@ through it that begins along the robot's heading has the curvature
     gamma = 2 y / l^2
 
 (Coulter). The look-ahead is a time's distance, l = v t within bounds; the speed is v, less where the commanded curve
-has a smaller radius than r_min, v' = v / (r_min |gamma|), and falls with the distance that is left of the last metre or so
-(Macenski et al., adaptive look-ahead, curvature heuristic and approach).
+has a smaller radius than r_min, v' = v / (r_min |gamma|), and falls with the distance that is left over the last metre
+or so (Macenski et al., adaptive look-ahead, curvature heuristic and approach).
 """
 
 from __future__ import annotations
