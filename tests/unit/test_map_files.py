@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -53,6 +54,19 @@ def test_the_written_files_are_those_of_the_savers(tmp_path: Path) -> None:
     )
 
 
+def test_image_programs_read_what_map_server_makes_cells_of(tmp_path: Path) -> None:
+    """By Pillow and PyYAML, and map_server's rule (wiki.ros.org/map_server): the first row has the highest y."""
+    image = pytest.importorskip("PIL.Image", reason="Pillow comes with the extra figures")
+    write_bytes(map_files(tmp_path / "hall.yaml", OccupancyMap(cells=CELLS, resolution=0.05, origin=(0.0, 0.0, 0.0))))
+    facts = yaml.safe_load((tmp_path / "hall.yaml").read_text())
+    with image.open(tmp_path / facts["image"]) as opened:
+        assert (opened.format, opened.mode, opened.size) == ("PPM", "L", (3, 2))
+        occupied = (255 - np.asarray(opened)[::-1].astype(float)) / 255
+    assert not facts["negate"]
+    cells = np.select([occupied > facts["occupied_thresh"], occupied < facts["free_thresh"]], [100, 0], -1)
+    assert np.array_equal(cells, CELLS)
+
+
 @pytest.mark.parametrize(
     "pgm", [b"P5 # c\n3 #d\n2\n# e\n255\n\xfe\xfe\xcd\xcd\xfe\x00", b"P2\n3 2 255\n254 254 205\n# x\n205 254 0\n"]
 )
@@ -85,9 +99,9 @@ def test_every_mode_is_read(tmp_path: Path, extra: str, expected: list[int]) -> 
 def test_a_map_whose_unknown_cells_would_be_free_is_refused(tmp_path: Path) -> None:
     wide = YAML.replace("0.196", "0.25")
     negated = wide.replace("negate: 0", "negate: 1")
-    for yaml, pgm in ((wide, b"P2 3 1 255 254 205 0"), (negated, b"P2 3 1 255 1 50 255")):
+    for text, pgm in ((wide, b"P2 3 1 255 254 205 0"), (negated, b"P2 3 1 255 1 50 255")):
         with pytest.raises(ConfigError) as caught:
-            read_map(placed(tmp_path, yaml, pgm))
+            read_map(placed(tmp_path, text, pgm))
         assert "m.yaml:6:1: free_thresh: 0.25 makes free what savers write for unknown" in str(caught.value)
         assert "1 of 3 cells" in str(caught.value)
         assert "write free_thresh: 0.196" in str(caught.value)
