@@ -97,11 +97,12 @@ def bench_slam(
 def bench_buildings(
     drives: Annotated[int, typer.Option(min=1, help="Number of drives, each with other wheel errors.")] = 20,
     first: Annotated[int, typer.Option(min=0, metavar="SEED", help="Set the seed of the first drive.")] = 1,
+    laps: Annotated[int, typer.Option(min=1, help="Drive so many laps of 850 m.")] = 1,
 ) -> None:
     """Map simulated large buildings with similar corridors and wrong odometry, and compare with ground truth."""
     from artemis_lab.commands.bench_buildings import measure
 
-    raise typer.Exit(measure(drives, first))
+    raise typer.Exit(measure(drives, first, laps))
 
 
 @bench.command("live-map")

@@ -54,15 +54,15 @@ def niches(width: float, height: float) -> Array:
     return np.concatenate(parts)
 
 
-def building() -> tuple[Array, Array]:
-    """Three equal blocks with corridors around and between them, and a drive of 850 m that is four times in some."""
+def building(laps: int = 1) -> tuple[Array, Array]:
+    """Three equal blocks with corridors around and between them, and laps of 850 m that are four times in some."""
     width = (LONG - (BLOCKS + 1) * CORRIDOR) / BLOCKS
     blocks = [box(CORRIDOR + n * (width + CORRIDOR), CORRIDOR, width, WIDE - 2 * CORRIDOR) for n in range(BLOCKS)]
     world = np.concatenate([box(0, 0, LONG, WIDE), niches(LONG, WIDE), *blocks])
     across = [CORRIDOR / 2 + n * (width + CORRIDOR) for n in range(BLOCKS + 1)]
     corners = [(x, y) for x in across for y in (CORRIDOR / 2, WIDE - CORRIDOR / 2)]
     order = (0, 2, 4, 6, 7, 5, 3, 1, 0, 2, 3, 5, 4, 2, 0, 1, 3, 2, 4, 5, 7, 6, 4, 2, 0, 1, 7, 6, 0)
-    return world, driven([corners[number] for number in order], step=0.4)
+    return world, driven([corners[number] for number in (*order[:1], *laps * order[1:])], step=0.4)
 
 
 def drifting(world: Array, true: Array, seed: int) -> list[Reading]:
@@ -74,9 +74,9 @@ def drifting(world: Array, true: Array, seed: int) -> list[Reading]:
     return readings(world, true, odometry(true, scales, np.radians(turn)), seed=seed)
 
 
-def mapped(seed: int) -> MappedBuilding:
+def mapped(seed: int, laps: int = 1) -> MappedBuilding:
     """Make the map of one drive."""
-    world, poses = building()
+    world, poses = building(laps)
     given = drifting(world, poses, seed)
     mapper, begin = Mapper(replace(SETTINGS, cells=1024)), cpu_time()
     for reading in given:
