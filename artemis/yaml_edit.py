@@ -14,13 +14,15 @@ from artemis.errors import ConfigError
 from artemis.whole_files import replace_content
 from artemis.yaml_file import Data, KeyPath, dotted, read, survey
 
+Keys = tuple[str, ...]
+"""Where a value stands: its keys from the top."""
 _ROUNDS = 5
 """A change inside an anchor changes its aliases, too: what those had is written out; that may go on so deep."""
 _ALIAS = re.compile(r"\s*\*[^\s,\]}]+")
 _ANCHOR = re.compile(r"&\S+")
 
 
-def edit(path: Path, changes: Mapping[KeyPath, Data]) -> None:
+def edit(path: Path, changes: Mapping[Keys, Data]) -> None:
     """Change values of a file; either all of it is changed or nothing.
 
     Raises:
@@ -29,13 +31,13 @@ def edit(path: Path, changes: Mapping[KeyPath, Data]) -> None:
     replace_content(path, edited(read(path), str(path), changes))
 
 
-def edited(raw: bytes, source: str, changes: Mapping[KeyPath, Data]) -> bytes:
+def edited(raw: bytes, source: str, changes: Mapping[Keys, Data]) -> bytes:
     """The content `raw` of a file with other values; keys that it lacks are added.
 
     Args:
         raw: A mapping in strict YAML.
         source: Its name, for errors.
-        changes: New values by their keys, and the numbers of list items. What is around each must be there.
+        changes: New values by their keys. The mapping around each must be there.
 
     Raises:
         ConfigError: the file is broken, or a value cannot be changed in place; with its key.
@@ -50,6 +52,45 @@ def edited(raw: bytes, source: str, changes: Mapping[KeyPath, Data]) -> bytes:
         for keys in left:
             raw = _with(raw.decode(), keys, wanted).encode()
     raise ConfigError(f"{source}: {dotted(left[0])}: cannot be changed in place; write it by hand")
+
+
+def with_words(raw: bytes, source: str, words: Mapping[KeyPath, str]) -> bytes:
+    """The content of a file with other numbers or names, each where the old one stands; all else stays as it is.
+
+    Args:
+        raw: A mapping in strict YAML.
+        source: Its name, for errors.
+        words: What is to stand at such keys and numbers of items.
+
+    Raises:
+        ConfigError: the file is broken, or an anchor gives two values one number that would differ.
+    """
+    _read(raw, source)
+    text = raw.decode()
+    top, found = yaml.compose(text, Loader=yaml.SafeLoader), dict[tuple[int, int], str]()
+    for path, word in words.items():
+        value: Any = top
+        for key in path:
+            value = value.value[key] if isinstance(key, int) else next(_parts(value, key))
+        begin, end = int(value.start_mark.index), int(value.end_mark.index)
+        if anchor := _ANCHOR.match(text, begin):
+            begin, word = anchor.end(), f" {word}"
+        if found.setdefault((begin, end), word) != word:
+            raise ConfigError(
+                f"{source}: {dotted(path)}: shares its anchor with a value that will differ; write both out"
+            )
+    for (begin, end), word in sorted(found.items(), reverse=True):
+        text = f"{text[:begin]}{word}{text[end:]}"
+    return text.encode()
+
+
+def _parts(mapping: yaml.MappingNode, key: str) -> Iterator[yaml.Node]:
+    """What stands at a key: in the mapping itself, then in those that it is merged with."""
+    yield from (value for name, value in mapping.value if name.value == key)
+    for name, merged in mapping.value:
+        if name.tag == "tag:yaml.org,2002:merge":
+            for each in merged.value if isinstance(merged, yaml.SequenceNode) else [merged]:
+                yield from _parts(each, key)
 
 
 def with_line(raw: bytes, source: str, key: str, entry: str) -> bytes:
@@ -130,54 +171,40 @@ def _read(raw: bytes, source: str) -> dict[str, Data]:
     return deepcopy(document.data)  # what an anchor and its aliases share must not be changed at once
 
 
-def _set(data: Data, keys: KeyPath, value: Data, source: str) -> None:
-    *around, last = keys
-    for key in around:
-        part = data.get(key) if isinstance(data, dict) else data[key]  # type: ignore[index, arg-type]
-        if not isinstance(part, dict | list):
+def _set(data: dict[str, Data], keys: Keys, value: Data, source: str) -> None:
+    for key in keys[:-1]:
+        part = data.get(key)
+        if not isinstance(part, dict):
             raise ConfigError(f"{source}: {dotted(keys)}: there is no mapping {key}")
         data = part
-    data[last] = value  # type: ignore[index]
+    data[keys[-1]] = value
 
 
-def _differences(found: Data, wanted: Data, path: KeyPath = ()) -> Iterator[KeyPath]:
-    if isinstance(wanted, dict) and isinstance(found, dict) and found.keys() <= wanted.keys():
-        for key, value in wanted.items():
-            yield from _differences(found[key], value, (*path, key)) if key in found else [(*path, key)]
-    elif isinstance(wanted, list) and isinstance(found, list) and len(found) == len(wanted) and _has_mapping(wanted):
-        for number, values in enumerate(zip(found, wanted, strict=True)):
-            yield from _differences(*values, (*path, number))
-    elif repr(found) != repr(wanted):  # true is not 1, nor 1 the same as 1.0
-        yield path
+def _differences(found: dict[str, Data], wanted: dict[str, Data], path: Keys = ()) -> Iterator[Keys]:
+    for key, value in wanted.items():
+        present = found.get(key)
+        if isinstance(value, dict) and isinstance(present, dict) and present.keys() <= value.keys():
+            yield from _differences(present, value, (*path, key))
+        elif key not in found or repr(present) != repr(value):  # true is not 1, nor 1 the same as 1.0
+            yield (*path, key)
 
 
-def _has_mapping(values: list[Data]) -> bool:
-    return any(isinstance(value, dict) for value in values)
-
-
-def _with(text: str, keys: KeyPath, wanted: Data) -> str:
+def _with(text: str, keys: Keys, wanted: Data) -> str:
     """The text with the value at `keys` as in `wanted`, where it stands, or added to its mapping.
 
-    What is around it and stands elsewhere, behind an alias or a merge key, is written out whole.
+    A mapping around it that stands elsewhere, behind an alias or a merge key, is written out whole.
     """
-    around: Any = yaml.compose(text, Loader=yaml.SafeLoader)
+    mapping = yaml.compose(text, Loader=yaml.SafeLoader)
     for number, key in enumerate(keys, 1):
-        if isinstance(key, int):
-            item = around.value[key]
-            is_alias = item.start_mark.index < around.start_mark.index
-            if is_alias or number == len(keys) or not isinstance(item, yaml.MappingNode):  # the whole list is written
-                break
-            around, wanted = item, wanted[key]  # type: ignore[index]
-            continue
-        assert isinstance(around, yaml.MappingNode)
+        assert isinstance(mapping, yaml.MappingNode)
         assert isinstance(wanted, dict)
-        entry, wanted = _entry(around, key), wanted[key]
+        entry, wanted = _entry(mapping, key), wanted[key]
         if entry is None:
-            return _added(text, around, f"{key}: {_written(wanted)}")
+            return _added(text, mapping, f"{key}: {_written(wanted)}")
         name, old = entry
         if _is_alias(name, old) or number == len(keys):
             break
-        around = old
+        mapping = old
     if _is_alias(name, old):
         begin = text.index(":", int(name.end_mark.index)) + 1
         alias = _ALIAS.match(text, begin)

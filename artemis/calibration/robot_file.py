@@ -8,13 +8,13 @@ from artemis.axles import AbsoluteEncoder, HardStop, HomeSwitch, Potentiometers
 from artemis.calibration.kinematics import Kinematics
 from artemis.motion.steering_fit import moved
 from artemis.vehicle import RobotFile
-from artemis.yaml_file import Data, KeyPath
+from artemis.yaml_file import Data
 
 DIGITS = 7
 """Of the numbers that are written."""
 
 
-def changes(robot: RobotFile, machine: Kinematics) -> dict[KeyPath, Data]:
+def changes(robot: RobotFile, machine: Kinematics) -> dict[tuple[str, ...], Data]:
     """New values of a robot file by their keys; only what differs.
 
     Args:
@@ -25,7 +25,7 @@ def changes(robot: RobotFile, machine: Kinematics) -> dict[KeyPath, Data]:
     that angle; an absolute encoder likewise. A hard stop or a switch is so much nearer or farther. What a hand sets
     straight is set anew at each start: nothing is written of it.
     """
-    found: dict[KeyPath, Data] = {}
+    found: dict[tuple[str, ...], Data] = {}
 
     def put(keys: tuple[str, ...], old: float, new: float) -> None:
         if _rounded(new) != _rounded(old):

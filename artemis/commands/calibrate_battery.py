@@ -15,7 +15,8 @@ from artemis.errors import ConfigError
 from artemis.mission.loading import load_model
 from artemis.recording.mcap_reader import Recording
 from artemis.vehicle import RobotFile
-from artemis.yaml_file import Data, KeyPath
+from artemis.yaml_edit import Keys
+from artemis.yaml_file import Data
 
 DIGITS = 3
 """Of the numbers that are written: their intervals are a hundredth of them or more."""
@@ -54,7 +55,7 @@ def calibrate_battery(runs: Sequence[Path], hold: Sequence[str], robot_file: Pat
         raise ConfigError(f"{robot_file}: its battery differs from that of the runs; drive again")
     found = fit_battery(battery, logs, held)
     _tell(battery, logs, found, held)
-    wanted: dict[KeyPath, Data] = {
+    wanted: dict[Keys, Data] = {
         ("battery", key): float(f"{value.after:.{DIGITS}g}") for key, value in found.values.items()
     }
     write_values("calibrate battery", robot_file, wanted, yes=yes)

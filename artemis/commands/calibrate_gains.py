@@ -28,8 +28,8 @@ from artemis.report.drawing import check_figures
 from artemis.report.responses import SLOWEST, SPEED_DISTANCE
 from artemis.states.gains import words_of
 from artemis.values import JobKind
-from artemis.yaml_edit import edit, edited
-from artemis.yaml_file import Data, KeyPath, read
+from artemis.yaml_edit import Keys, edit, edited
+from artemis.yaml_file import Data, read
 
 STEPS = {"steering": (0.5, 20.0), "traction": (SLOWEST, 0.2)}
 """Smallest and largest: [degrees], [m/s]."""
@@ -329,7 +329,7 @@ def decide(loaded: LoadedMission, trial: Trial, found: Findings, yes: bool) -> i
 def _keep(loaded: LoadedMission, file: Path, new: Mapping[str, Gains | SiGains]) -> int:
     """Store gains in their drives, then write them into the robot file; if one fails, tell what is where."""
     known = loaded.files[loaded.mission.robot]
-    changes: dict[KeyPath, Data] = {
+    changes: dict[Keys, Data] = {
         ("drives", name, gains_key(loaded.robot.drives[name])): gains.model_dump(mode="json")
         for name, gains in new.items()
     }
@@ -359,11 +359,7 @@ def _keep(loaded: LoadedMission, file: Path, new: Mapping[str, Gains | SiGains])
 
 
 async def _store(
-    loaded: LoadedMission,
-    new: Mapping[str, Gains | SiGains],
-    file: Path,
-    changes: Mapping[KeyPath, Data],
-    kept: list[str],
+    loaded: LoadedMission, new: Mapping[str, Gains | SiGains], file: Path, changes: Mapping[Keys, Data], kept: list[str]
 ) -> None:
     """`kept` gets the name of what has the new gains: drives, and at last the file."""
     numbers = {name: gains.numbers for name, gains in new.items()}

@@ -34,7 +34,6 @@ from artemis.recording.mcap_reader import Recording
 from artemis.report.drawing import check_figures
 from artemis.vehicle import RobotFile
 from artemis.yaml_edit import edit
-from artemis.yaml_file import dotted
 
 SIMULATION = "simulation"
 """Instead of a file: the true poses of a simulated run."""
@@ -290,7 +289,7 @@ def _write_robot(robot_file: Path | None, source: Source, found: Estimates) -> N
         return
     wanted = changes(source.robot, found.machine)
     for keys, value in wanted.items():
-        sys.stdout.write(f"{dotted(keys)}: {value}\n")
+        sys.stdout.write(f"{'.'.join(keys)}: {value}\n")
     if robot_file is None:
         sys.stdout.write("not written; --write ROBOT writes these values into the robot file\n")
         return

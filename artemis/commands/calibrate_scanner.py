@@ -18,7 +18,8 @@ from artemis.mission.loading import load_model
 from artemis.mounting import Mounting
 from artemis.recording.mcap_reader import Recording
 from artemis.vehicle import RobotFile
-from artemis.yaml_file import Data, KeyPath
+from artemis.yaml_edit import Keys
+from artemis.yaml_file import Data
 
 METRE_DIGITS, DEGREE_DIGITS = 4, 2
 """Of the numbers that are written."""
@@ -55,7 +56,7 @@ def calibrate_scanner(run: Path, scanner: str | None, robot_file: Path | None, *
     write_values("calibrate scanner", robot_file, wanted, yes=yes)
 
 
-def changes(name: str, old: Mounting, seeing: Mounting, drive: ScannerDrive, found: MountingFit) -> dict[KeyPath, Data]:
+def changes(name: str, old: Mounting, seeing: Mounting, drive: ScannerDrive, found: MountingFit) -> dict[Keys, Data]:
     """New values of a robot file by their keys; `seeing`: with the mask that the drive shows.
 
     What is the other way up has its mask on the other side.
@@ -75,7 +76,7 @@ def changes(name: str, old: Mounting, seeing: Mounting, drive: ScannerDrive, fou
     return {("scanners", name, key): value for key, value in new.items()}
 
 
-def tell(name: str, old: Mounting, drive: ScannerDrive, found: MountingFit, wanted: dict[KeyPath, Data]) -> None:
+def tell(name: str, old: Mounting, drive: ScannerDrive, found: MountingFit, wanted: dict[Keys, Data]) -> None:
     """Print the drive, and old and new values with their intervals."""
     left, right = map(degrees, found.turned)
     distances, turns, bend = found.odometry.tolist()

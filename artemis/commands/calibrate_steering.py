@@ -22,7 +22,7 @@ from artemis.motion.steering_fit import SteeringFit, SteeringZero
 from artemis.planning import check_drivable, is_simulated
 from artemis.values import JobKind, Tick
 from artemis.yaml_edit import edit
-from artemis.yaml_file import Data, KeyPath, read
+from artemis.yaml_file import Data, read
 
 _KEEPING = {JobKind.WRITE_CALIBRATION: "has the new values", JobKind.STORE: "keeps the new values"}
 
@@ -142,7 +142,7 @@ async def _store(
         await store(loaded.robot, bus, JobKind.WRITE_CALIBRATION, wanted, kept.append)
 
 
-def changes(fits: Mapping[str, SteeringFit]) -> dict[KeyPath, Data]:
+def changes(fits: Mapping[str, SteeringFit]) -> dict[tuple[str, ...], Data]:
     """What a calibration changes in the robot file."""
     return {
         ("calibration", "steering", side, key): list(value)
@@ -154,7 +154,7 @@ def changes(fits: Mapping[str, SteeringFit]) -> dict[KeyPath, Data]:
     }
 
 
-def zero_changes(zeros: Mapping[str, SteeringZero]) -> dict[KeyPath, Data]:
+def zero_changes(zeros: Mapping[str, SteeringZero]) -> dict[tuple[str, ...], Data]:
     """The same of wheels without potentiometers."""
     return {("calibration", "steering", side, zero.key): zero.after for side, zero in zeros.items()}
 

@@ -20,8 +20,8 @@ from artemis.errors import ConfigError, similar
 from artemis.mission.json_schema import mission_schema, robot_schema
 from artemis.mission.loading import load_mission
 from artemis.vehicle import RobotFile
-from artemis.yaml_edit import edited
-from artemis.yaml_file import Data, KeyPath, survey
+from artemis.yaml_edit import Keys, edited
+from artemis.yaml_file import Data, survey
 
 RADII = 2.5
 """The first path turns no tighter than so many of the robot's smallest radii (of the rear axle's centre)."""
@@ -242,7 +242,7 @@ def test_first_mission_aligns_the_wheels_and_follows_its_path() -> None:
 '''
 
 
-def _changes(name: str, numbers: Mapping[str, float], machine: RobotFile) -> dict[KeyPath, Data]:
+def _changes(name: str, numbers: Mapping[str, float], machine: RobotFile) -> dict[Keys, Data]:
     """What differs from the template's `machine`, by keys.
 
     Raises:
@@ -250,7 +250,7 @@ def _changes(name: str, numbers: Mapping[str, float], machine: RobotFile) -> dic
     """
     speed, around = numbers["speed"], math.pi * numbers["diameter"]
     wheel_speed = round(WHEEL_RESERVE * speed, 4)
-    changes: dict[KeyPath, Data] = {
+    changes: dict[Keys, Data] = {
         ("robot",): name,
         ("geometry", "wheelbase_m"): numbers["wheelbase"],
         ("geometry", "track_m"): numbers["track"],

@@ -87,7 +87,7 @@ def build_map(sources: Sources, output: Path, resolution: float, *, force: bool)
     if sources.begun is not None:
         beside = Path(zones_file(str(sources.begun)))
         keep_zones(sources.begun, output, read(beside) if beside.exists() else b"")
-        say_moved(zones_of(output), before, mapper.keys.poses[: len(before)], resolution)
+        say_moved(zones_of(output), before, mapper.keys.poses[: len(before)], content.resolution)
     elif (zones := Path(zones_file(str(output)))).exists():
         sys.stdout.write(f"notice      {zones} stays: its zones and places count on the new map\n")
 

@@ -16,7 +16,7 @@ from artemis.mapping.final_pass import matched_again
 from artemis.mapping.graph_file import SUFFIX, MapGraph, read_graph
 from artemis.mapping.likelihood import LikelihoodGrid
 from artemis.mapping.map_file import read_map
-from artemis.mapping.occupancy import OccupancyMap, occupancy
+from artemis.mapping.occupancy import OccupancyMap, coarser, occupancy
 from artemis.mapping.settings import MapSettings
 from artemis.route_planning.zones import zones_file
 from artemis.yaml_file import read
@@ -72,7 +72,7 @@ def _zones(file: Path, rotate: float) -> bytes:
 
 def _edit_cells(file: Path, output: Path, edits: Edits) -> None:
     content, beside = read_map(file), file.with_suffix(SUFFIX)
-    graph = read_graph(beside) if beside.exists() else None
+    graph, wanted = read_graph(beside) if beside.exists() else None, content.resolution
     if edits.loops:
         if graph is None:
             raise ConfigError(f"{beside}: no such file; loops are taken back in the graph of a map")
@@ -88,6 +88,8 @@ def _edit_cells(file: Path, output: Path, edits: Edits) -> None:
         content = _cropped(content, edits.crop)
     for zone in edits.no_go:
         content = _closed(content, zone)
+    if note := coarser(content, wanted):
+        sys.stdout.write(f"{'notice':<12}{note}\n")
     write_map(output, content, graph)
 
 

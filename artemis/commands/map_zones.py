@@ -17,8 +17,8 @@ from artemis.mission.problems import checked
 from artemis.mission.zones import read_zones, with_zone, without_zones, write_zones, zones_in
 from artemis.route_planning.floor import outside
 from artemis.route_planning.zones import PLACE_NAME, MapPose, MapZone, MapZones, in_digits, zones_file
-from artemis.yaml_edit import edited, with_line, without_line
-from artemis.yaml_file import Data, KeyPath, scalar
+from artemis.yaml_edit import with_line, with_words, without_line
+from artemis.yaml_file import KeyPath, scalar
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,21 +85,23 @@ def turned_zones(raw: bytes, source: str, turn: float) -> bytes:
     """The file of zones and places of a map, once the map was turned by `turn` [rad] around its origin.
 
     Raises:
-        ConfigError: it is wrong, or written so that its numbers cannot be replaced.
+        ConfigError: it is wrong, or an anchor gives two values one number that would differ.
     """
     known, c, s = zones_in(raw, source), math.cos(turn), math.sin(turn)
 
-    def at(x: float, y: float) -> list[Data]:
-        return [round(c * x - s * y, 4), round(s * x + c * y, 4)]
+    def at(x: float, y: float) -> list[str]:
+        return [in_digits(c * x - s * y), in_digits(s * x + c * y)]
 
-    changes: dict[KeyPath, Data] = {
-        ("zones", number, "corners"): [at(x, y) for x, y in zone.corners] for number, zone in enumerate(known.zones)
-    }
+    words: dict[KeyPath, str] = {}
+    for number, zone in enumerate(known.zones):
+        for corner, (x, y) in enumerate(zone.corners):
+            words |= {("zones", number, "corners", corner, axis): word for axis, word in enumerate(at(x, y))}
     for name, place in known.places.items():
-        heading = round(math.degrees(math.remainder(math.radians(place.heading_deg) + turn, math.tau)), 3)
-        x, y = at(place.x_m, place.y_m)
-        changes |= {("places", name, key): value for key, value in (("x_m", x), ("y_m", y), ("heading_deg", heading))}
-    return edited(raw, source, changes) if changes else raw
+        heading = math.degrees(math.remainder(math.radians(place.heading_deg) + turn, math.tau))
+        keys = ("x_m", "y_m", "heading_deg")
+        pose = [*at(place.x_m, place.y_m), in_digits(round(heading, 3))]
+        words |= {("places", name, key): word for key, word in zip(keys, pose, strict=True)}
+    return with_words(raw, source, words) if words else raw
 
 
 def say_zones(file: Path, known: MapZones, on: OccupancyMap) -> None:

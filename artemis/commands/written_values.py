@@ -8,8 +8,8 @@ from pathlib import Path
 
 from artemis.commands.terminal import confirmed
 from artemis.errors import ConfigError
-from artemis.yaml_edit import edit
-from artemis.yaml_file import Data, KeyPath
+from artemis.yaml_edit import Keys, edit
+from artemis.yaml_file import Data
 
 
 def check_yes(robot_file: Path | None, *, yes: bool) -> None:
@@ -22,7 +22,7 @@ def check_yes(robot_file: Path | None, *, yes: bool) -> None:
         raise ConfigError("--yes confirms what --write ROBOT writes: say which robot file")
 
 
-def write_values(command: str, robot_file: Path | None, values: Mapping[KeyPath, Data], *, yes: bool) -> None:
+def write_values(command: str, robot_file: Path | None, values: Mapping[Keys, Data], *, yes: bool) -> None:
     """Write values into a robot file, once that is confirmed, and print whether they are written.
 
     Args:

@@ -300,9 +300,9 @@ def _scan(ranges: Array, now: float, bias: float, errors: ScanErrors, dice: np.r
 
 def behind(scene: Scene) -> Scene:
     """What stands still before the robot, turned around its middle."""
-    middle = OUTLINE.front_m - OUTLINE.rear_m
-    turned = np.array([middle, 0.0, middle, 0.0]) - scene.segments
-    return Scene(turned, np.c_[middle - scene.circles[:, 0], -scene.circles[:, 1:2], scene.circles[:, 2]])
+    ends = OUTLINE.front_m - OUTLINE.rear_m  # their sum, as the rear is behind the axle
+    turned = np.array([ends, 0.0, ends, 0.0]) - scene.segments
+    return Scene(turned, np.c_[ends - scene.circles[:, 0], -scene.circles[:, 1:2], scene.circles[:, 2]])
 
 
 def random_drive(seed: int, seconds: float = 8.0, reverse: float = 0.0, *, around: bool = False) -> Passage | None:

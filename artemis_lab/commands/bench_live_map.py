@@ -22,26 +22,32 @@ BEAMS, FIELD, PERIOD = 541, np.radians(135.0), 0.02
 """Of an LMS100 at 50 Hz [rad, s]."""
 SPEED, TURN = 1.5, 1.0
 """Of the robot [m/s, rad/s]."""
+NEVER = Event()
+"""Nothing sets it."""
 LONGEST = 20.0
 """99 % of the scans are to take no longer [ms]."""
 
 
-def measure(seconds: float) -> int:
+def measure(seconds: float, wait: Callable[[float], object] = NEVER.wait) -> int:
     """Map in real time, and print how long the scans took; 1: longer than they may.
 
     A robot drives round a block of a building of equal corridors, 3 % of its distance and 0.5 degrees per metre wrong.
+    `wait` does so until the next scan [s].
     """
     if not kernels.COMPILED:
         sys.stderr.write(f"{kernels.notice()}\n")
     warm_up()
     given = readings(seconds)
     searches: list[float] = []
-    beside: Beside[None] = Beside("loops", lambda nothing: None, threaded=True)
+    broken: list[BaseException] = []
+    beside: Beside[None] = Beside("loops", lambda nothing: None, threaded=True, failed=broken.append)
     mapper = Mapper(SETTINGS, later=lambda work, key: beside.order(_timed, work, key, searches))
-    taken = _fed(mapper, given)
+    taken = _fed(mapper, given, wait)
     begin = stopwatch()
     beside.close()
     late = stopwatch() - begin
+    if broken:
+        raise broken[0]
     mapper.finish()
     half, most = (1e3 * np.quantile(taken, (0.5, 0.99))).tolist()
     sys.stdout.write(
@@ -74,11 +80,11 @@ def readings(seconds: float) -> list[Reading]:
     return found
 
 
-def _fed(mapper: Mapper, given: Sequence[Reading]) -> list[float]:
+def _fed(mapper: Mapper, given: Sequence[Reading], wait: Callable[[float], object]) -> list[float]:
     """How long each reading took [s], each at its time."""
-    never, begin, taken = Event(), stopwatch(), []
+    begin, taken = stopwatch(), []
     for reading in given:
-        never.wait(max(0.0, begin + reading.time - stopwatch()))
+        wait(max(0.0, begin + reading.time - stopwatch()))
         start = stopwatch()
         mapper.add(reading)
         taken.append(stopwatch() - start)

@@ -30,5 +30,5 @@ def test_a_missed_bar_is_the_exit_status(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], bar: float, status: int
 ) -> None:
     monkeypatch.setattr(bench, "LONGEST", bar)
-    assert bench.measure(0.2) == status
+    assert bench.measure(0.2, lambda seconds: None) == status
     assert capsys.readouterr().out.startswith("10 scans of 541 beams, 50 a second, with")

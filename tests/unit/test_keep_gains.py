@@ -19,8 +19,8 @@ from artemis.errors import ConfigError, DeviceTimeout
 from artemis.mission.actions import NewGains
 from artemis.mission.loading import load_mission
 from artemis.motion.step_response import StepResponse
-from artemis.yaml_edit import edit
-from artemis.yaml_file import Data, KeyPath
+from artemis.yaml_edit import Keys, edit
+from artemis.yaml_file import Data
 
 
 def decide(
@@ -97,7 +97,7 @@ def test_ctrl_c_while_it_stores_tells_what_is_where(
 def test_ctrl_c_does_not_come_between_the_file_and_the_word_that_it_is_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def interrupted(path: Path, changes: Mapping[KeyPath, Data]) -> None:
+    def interrupted(path: Path, changes: Mapping[Keys, Data]) -> None:
         edit(path, changes)
         signal.raise_signal(signal.SIGINT)
 

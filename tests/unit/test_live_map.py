@@ -111,6 +111,23 @@ def test_whoever_watches_is_shown_the_map_as_it_grows_and_it_stays_the_same(
         assert (folder / "map.graph").read_bytes() == (tmp_path / "map.graph").read_bytes()
 
 
+def test_the_more_there_is_to_draw_the_less_often_it_is_drawn(
+    tmp_path: Path, ticks: list[Tick], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live_map, "SHOWN_EVERY", 0.1)
+    drawn = []
+    for seconds in (0.0, 0.1):
+        monkeypatch.setattr(live_map, "SHOWN_PER_KEY", seconds)
+        making = live(tmp_path, [], threaded=False)
+        shown = [making.shown()]
+        for each in ticks[:40]:
+            making.see(each, [], 0.0)
+            if (now := making.shown()) is not shown[-1]:
+                shown.append(now)
+        drawn.append(len(shown))
+    assert drawn[1] <= drawn[0] / 2
+
+
 def test_where_loops_take_long_only_one_picture_of_the_map_waits_for_them(
     tmp_path: Path, ticks: list[Tick], monkeypatch: pytest.MonkeyPatch
 ) -> None:

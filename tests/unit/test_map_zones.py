@@ -119,13 +119,22 @@ def test_a_rotated_map_takes_them_along(workshop: Path, tmp_path: Path) -> None:
     assert list(zones_of(workshop).places) == ["charger", "bench", "store", "gate"]
 
 
+def test_corners_that_two_zones_share_are_rotated_once(workshop: Path, tmp_path: Path) -> None:
+    zone = "- {kind: prefer, corners: [%s, [3, 0], [3, 3]]}\n"
+    shared = "zones:\n" + zone % "&p [1, 0]" + zone % "*p "
+    workshop.with_name("workshop.zones.yaml").write_text(shared)
+    call("edit", workshop, "-o", tmp_path / "turned.yaml", "--rotate", "180")
+    assert [zone.corners[0] for zone in zones_of(tmp_path / "turned.yaml").zones] == [(-1.0, 0.0)] * 2
+    assert "[&p [-1, 0], [-3, 0], [-3, -3]]" in (tmp_path / "turned.zones.yaml").read_text()
+
+
 def test_a_rotated_map_keeps_the_comments_of_its_zones(workshop: Path, tmp_path: Path) -> None:
     zones = workshop.with_name("workshop.zones.yaml")
     zones.write_text(zones.read_text().replace("  charger:", "  # at the wall\n  charger:") + "# the end\n")
     call("edit", workshop, "-o", tmp_path / "turned.yaml", "--rotate", "90")
     turned = (tmp_path / "turned.zones.yaml").read_text()
     assert turned.startswith("# Zones and places of the workshop, in the frame of its map.\n")
-    assert "  # at the wall\n  charger: {x_m: -1.5, y_m: 1.0, heading_deg: 90.0}\n" in turned
+    assert "  # at the wall\n  charger: {x_m: -1.5, y_m: 1, heading_deg: 90}\n" in turned
     assert turned.endswith("# the end\n")
 
 

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from artemis.errors import ConfigError
-from artemis.yaml_edit import edit, edited
-from artemis.yaml_file import survey
+from artemis.yaml_edit import edit, edited, with_words
+from artemis.yaml_file import KeyPath, survey
 
 ROBOT = Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml"
 
@@ -46,19 +46,35 @@ def test_only_the_value_changes(before: str, keys: str, value: object, after: st
     assert changed(before, *keys.split("."), to=value) == after
 
 
-@pytest.mark.parametrize(
-    ("before", "after"),
-    [
-        ("a:\n  # first\n  - {b: 1}  # one\n  - b: 2  # two\n    c: 3\n",) * 2,
-        ("a: [{b: 1}, {b: 2, c: 3}]  # both\n",) * 2,
-        ("x: &x {b: 2}\na: [{b: 1}, *x]\n", "x: &x {b: 2}\na: [{b: 1}, {b: 7}]\n"),
-        ("a:\n- {b: 1}\n- <<: &x {b: 2}\n", "a:\n- {b: 1}\n- <<: &x {b: 2}\n  b: 7\n"),
-        ("a:\n- 1  # one\n- {b: 2}\n",) * 2,
-    ],
-)
-def test_a_value_in_a_list_of_mappings_changes_alone(before: str, after: str) -> None:
-    after = after.replace("b: 2", "b: 7") if after == before else after
-    assert edited(before.encode(), "zones.yaml", {("a", 1, "b"): 7}).decode() == after
+ZONES = """\
+# ä: Höhe
+a:  # all
+  - {n: x, c: [&p [1, 0], [2, 0]]}  # one
+  - c:
+      - *p
+      -   - 3  # three
+          - 0
+b: &b {x: 1, y: 2}
+c: {<<: *b, y: &y 5}
+"""
+
+
+def test_words_are_replaced_where_they_stand() -> None:
+    words = {("a", 0, "c", 0, 0): "9", ("a", 1, "c", 0, 0): "9", ("a", 1, "c", 1, 0): "-7.5", ("c", "y"): "6"}
+    after = with_words(ZONES.encode(), "z.yaml", {**words, ("c", "x"): "0", ("b", "x"): "0"}).decode()
+    assert after == (
+        ZONES.replace("[1, 0]", "[9, 0]").replace("3  #", "-7.5  #").replace("&y 5", "&y 6").replace("{x: 1", "{x: 0")
+    )
+
+
+def test_values_of_one_anchor_that_would_differ_are_refused() -> None:
+    pairs: tuple[dict[KeyPath, str], ...] = (
+        {("a", 0, "c", 0, 0): "9", ("a", 1, "c", 0, 0): "8"},
+        {("b", "x"): "1", ("c", "x"): "2"},
+    )
+    for words in pairs:
+        with pytest.raises(ConfigError, match="shares its anchor with a value that will differ"):
+            with_words(ZONES.encode(), "z.yaml", words)
 
 
 def test_several_values_of_the_robot_file_at_once() -> None:
