@@ -109,7 +109,7 @@ def bench_buildings(
 def bench_live_map(
     seconds: Annotated[float, typer.Option(min=1, help="Drive so long, in real time.")] = 240.0,
 ) -> None:
-    """Map a simulated building in real time, 50 scans a second, and measure how long each scan takes."""
+    """Map a simulated building in real time, then localise on the map: how long each of 50 scans a second takes."""
     from artemis_lab.commands.bench_live_map import measure
 
     raise typer.Exit(measure(seconds))
