@@ -61,7 +61,7 @@ def _of_mapping(log: Path, relations: Path) -> Iterator[_Row]:
 def _of_localisation(log: Path, relations: Path) -> Iterator[_Row]:
     for cells in (False, True):
         found, on = localised(log, relations, _SPLIT, cells=cells), "cells" if cells else "scans"
-        right = [each for each in found.found if each.in_all <= _WITHIN and each.off < RIGHT]
+        right = [each for each in found.found if each.after is not None and each.after <= _WITHIN and each.off < RIGHT]
         yield f"on a map of {on}: lost scans", found.lost, -np.inf, 0
         yield f"on a map of {on}: relations [m]", float(found.metres.mean()), -np.inf, 0.0224
         yield f"on a map of {on}: relations [deg]", float(found.degrees.mean()), -np.inf, 0.32

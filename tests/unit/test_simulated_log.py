@@ -118,7 +118,7 @@ def missed_in_map(simulated: SimulatedLog) -> list[str]:
 
 def missed_on_map(simulated: SimulatedLog) -> list[str]:
     """Of a robot that drives where the map was made again later; measured are 0.020 m and 0.07 m."""
-    found = localised(simulated.log, simulated.relations, PERIOD * (LEFT - 5), cells=True)
+    found = localised(simulated.log, simulated.relations, PERIOD * (LEFT - 5), cells=True, at_once=True)
     (start,) = found.found
     return missed(
         {
