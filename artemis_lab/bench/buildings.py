@@ -17,6 +17,8 @@ from artemis_lab.bench.laser_worlds import SETTINGS, box, driven, odometry, read
 
 LONG, WIDE, CORRIDOR, BLOCKS = 72.0, 36.0, 2.2, 3
 """Of the building [m]."""
+BLOCK = (LONG - (BLOCKS + 1) * CORRIDOR) / BLOCKS
+"""Length of a block between corridors [m]."""
 OFF = 0.3
 """A loop or a place that is further off is wrong, or left open [m]."""
 _REVISIT = 0.6
@@ -54,15 +56,18 @@ def niches(width: float, height: float) -> Array:
     return np.concatenate(parts)
 
 
+def building_walls() -> Array:
+    """Three equal blocks with corridors around and between them, as segments."""
+    blocks = [box(CORRIDOR + n * (BLOCK + CORRIDOR), CORRIDOR, BLOCK, WIDE - 2 * CORRIDOR) for n in range(BLOCKS)]
+    return np.concatenate([box(0, 0, LONG, WIDE), niches(LONG, WIDE), *blocks])
+
+
 def building(laps: int = 1) -> tuple[Array, Array]:
-    """Three equal blocks with corridors around and between them, and laps of 850 m that are four times in some."""
-    width = (LONG - (BLOCKS + 1) * CORRIDOR) / BLOCKS
-    blocks = [box(CORRIDOR + n * (width + CORRIDOR), CORRIDOR, width, WIDE - 2 * CORRIDOR) for n in range(BLOCKS)]
-    world = np.concatenate([box(0, 0, LONG, WIDE), niches(LONG, WIDE), *blocks])
-    across = [CORRIDOR / 2 + n * (width + CORRIDOR) for n in range(BLOCKS + 1)]
+    """Its walls, and laps of 850 m that are four times in some of the corridors."""
+    across = [CORRIDOR / 2 + n * (BLOCK + CORRIDOR) for n in range(BLOCKS + 1)]
     corners = [(x, y) for x in across for y in (CORRIDOR / 2, WIDE - CORRIDOR / 2)]
     order = (0, 2, 4, 6, 7, 5, 3, 1, 0, 2, 3, 5, 4, 2, 0, 1, 3, 2, 4, 5, 7, 6, 4, 2, 0, 1, 7, 6, 0)
-    return world, driven([corners[number] for number in (*order[:1], *laps * order[1:])], step=0.4)
+    return building_walls(), driven([corners[number] for number in (*order[:1], *laps * order[1:])], step=0.4)
 
 
 def drifting(world: Array, true: Array, seed: int) -> list[Reading]:

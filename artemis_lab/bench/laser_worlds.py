@@ -40,12 +40,19 @@ def seen(world: Array, pose: Array, angles: Array = ANGLES, farthest: float = 30
     return np.where(hit < farthest, hit, 0.0)
 
 
-def scan(world: Array, pose: Array, noise: float = 0.0, dice: np.random.Generator | None = None) -> Array:
+def scan(
+    world: Array,
+    pose: Array,
+    noise: float = 0.0,
+    dice: np.random.Generator | None = None,
+    angles: Array = ANGLES,
+    farthest: float = 30.0,
+) -> Array:
     """Points and normals of a scan, seen from the robot."""
-    ranges = seen(world, pose)
+    ranges = seen(world, pose, angles, farthest)
     if dice is not None:
         ranges = np.where(ranges > 0, ranges + dice.normal(0, noise, len(ranges)), 0.0)
-    return surface_points(ranges, ANGLES, SETTINGS)
+    return surface_points(ranges, angles, SETTINGS)
 
 
 def driven(corners: Sequence[tuple[float, float]], step: float = 0.2, turn: float = 0.2) -> Array:
@@ -74,14 +81,24 @@ def odometry(poses: Array, scales: Iterable[float], turn_per_metre: float = 0.0)
     return np.array(counted)
 
 
-def readings(world: Array, poses: Array, counted: Array | None, noise: float = 0.01, seed: int = 1) -> list[Reading]:
-    """Scans at all poses, ten a second."""
+def readings(
+    world: Array,
+    poses: Array,
+    counted: Array | None,
+    noise: float = 0.01,
+    seed: int = 1,
+    *,
+    angles: Array = ANGLES,
+    farthest: float = 30.0,
+    period: float = 0.1,
+) -> list[Reading]:
+    """Scans at all poses, one each `period` [s]."""
     dice = np.random.default_rng(seed)
     return [
         Reading(
-            time=0.1 * number,
+            time=period * number,
             odometry=None if counted is None else counted[number],
-            points=scan(world, pose, noise, dice),
+            points=scan(world, pose, noise, dice, angles, farthest),
         )
         for number, pose in enumerate(poses)
     ]

@@ -88,7 +88,9 @@ def _outcomes(
 
 def standing(pool: Executor, scenes: int, first: int, done: Callable[[], object], *, around: bool = False) -> Bar:
     """Worst driving forwards and backwards in random scenes from a seed on; `around`: something stands behind, too."""
-    found = dict(_outcomes(pool, _drive_amidst if around else _drive_among, scenes, first, done))
+    seconds, reverse = (SECONDS_AROUND, BACKWARDS_AROUND) if around else (SECONDS, BACKWARDS)
+    drive = partial(random_drive, seconds=seconds, reverse=reverse, around=around)
+    found = dict(_outcomes(pool, drive, scenes, first, done))
     contacts = [seed for seed, outcome in found.items() if outcome.nearest < 0.0]
     nearest = min([outcome.nearest for outcome in found.values()], default=inf)
     kilometres = sum([outcome.driven for outcome in found.values()]) / 1000.0
@@ -211,11 +213,3 @@ def _all_near(number: int, dice: np.random.Generator) -> Snapshot:
         set_points=SetPoints(),
         verdict=Verdict(),
     )
-
-
-def _drive_among(seed: int) -> Passage | None:
-    return random_drive(seed, SECONDS, BACKWARDS)
-
-
-def _drive_amidst(seed: int) -> Passage | None:
-    return random_drive(seed, SECONDS_AROUND, BACKWARDS_AROUND, around=True)

@@ -53,6 +53,12 @@ def share_of(found: Sequence[float], share: float) -> float:
     return sorted(found)[min(int(share * len(found)), len(found) - 1)] if found else float("nan")
 
 
+def times_in_words(milliseconds: Array) -> str:
+    """How long something took [ms], shape (n,): half of the times, 99 % of them, the longest."""
+    half, most, longest = np.quantile(milliseconds, (0.5, 0.99, 1.0))
+    return f"half of them {half:.1f}, 99 % {most:.1f}, slowest {longest:.1f} ms"
+
+
 class ResultTable:
     """Rows by follower, course and case."""
 

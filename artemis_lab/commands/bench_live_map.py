@@ -13,12 +13,14 @@ from artemis.localisation.scan_localizer import ScanLocalizer
 from artemis.localisation.scan_map import ScanMap
 from artemis.localisation.warming import warm_up
 from artemis.mapping import kernels
-from artemis.mapping.laser import Reading, surface_points
+from artemis.mapping.laser import Reading
 from artemis.mapping.mapper import Mapper
 from artemis.mapping.tracking import NewKey
 from artemis.plugins.observing import Beside
-from artemis_lab.bench.buildings import BLOCKS, CORRIDOR, LONG, WIDE, building
-from artemis_lab.bench.laser_worlds import SETTINGS, driven, odometry, seen
+from artemis_lab.bench import laser_worlds
+from artemis_lab.bench.buildings import BLOCK, CORRIDOR, WIDE, building_walls
+from artemis_lab.bench.laser_worlds import SETTINGS, driven, odometry
+from artemis_lab.bench.tables import times_in_words
 
 BEAMS, FIELD, PERIOD = 541, np.radians(135.0), 0.02
 """Of an LMS100 at 50 Hz [rad, s]."""
@@ -65,22 +67,13 @@ def measure(seconds: float, wait: Callable[[float], object] = NEVER.wait) -> int
 
 def readings(seconds: float) -> list[Reading]:
     """What the robot sees and counts, one every `PERIOD`."""
-    world, _ = building()
-    width = (LONG - (BLOCKS + 1) * CORRIDOR) / BLOCKS
-    low, right, high = CORRIDOR / 2, CORRIDOR * 1.5 + width, WIDE - CORRIDOR / 2
+    low, right, high = CORRIDOR / 2, CORRIDOR * 1.5 + BLOCK, WIDE - CORRIDOR / 2
     corners = [(low, low), (right, low), (right, high), (low, high)]
-    count = round(seconds / PERIOD)
     rounds = 2 + int(seconds * SPEED / (2 * (right + high)))
-    poses = driven([*corners * rounds, corners[0]], step=SPEED * PERIOD, turn=TURN * PERIOD)[:count]
+    poses = driven([*corners * rounds, corners[0]], step=SPEED * PERIOD, turn=TURN * PERIOD)[: round(seconds / PERIOD)]
     counted = odometry(poses, [1.03] * (len(poses) - 1), np.radians(0.5))
-    dice, angles = np.random.default_rng(1), np.linspace(-FIELD, FIELD, BEAMS)
-    found = []
-    for number, pose in enumerate(poses):
-        ranges = seen(world, pose, angles, 20.0)
-        ranges = np.where(ranges > 0, ranges + dice.normal(0, 0.012, BEAMS), 0.0)
-        points = surface_points(ranges, angles, SETTINGS)
-        found.append(Reading(time=number * PERIOD, odometry=counted[number], points=points))
-    return found
+    angles = np.linspace(-FIELD, FIELD, BEAMS)
+    return laser_worlds.readings(building_walls(), poses, counted, 0.012, angles=angles, farthest=20.0, period=PERIOD)
 
 
 def _fed(mapper: Mapper, given: Sequence[Reading], wait: Callable[[float], object]) -> list[float]:
@@ -117,5 +110,4 @@ def _most(taken: Sequence[float]) -> float:
 
 
 def _words(taken: Sequence[float], bar: float) -> str:
-    half = 1e3 * float(np.median(taken))
-    return f"half of them {half:.1f}, 99 % {_most(taken):.1f} (bar {bar:g}), slowest {1e3 * max(taken):.1f} ms"
+    return f"{times_in_words(1e3 * np.array(taken))} (bar for 99 %: {bar:g} ms)"

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections import deque
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +24,7 @@ from artemis.mapping.se2 import Array, between
 from artemis.mapping.settings import MapSettings
 from artemis.mapping.stations import Stations
 from artemis_lab.bench.relations import errors, read_relations
+from artemis_lab.bench.tables import times_in_words
 
 _STARTS = (5.0, 200.0, 400.0, 600.0, 800.0)
 """Times [s of the log] at which a robot that knows nothing is switched on; it has `_PATIENCE` [s]."""
@@ -85,7 +86,7 @@ def measure(log: Path, relations: Path, split: float, *, cells: bool) -> None:
         ConfigError: a file cannot be read, or a part is empty.
     """
     found = localised(log, relations, split, cells=cells)
-    away, quantiles = found.away, np.quantile(found.milliseconds, (0.5, 0.99, 1.0))
+    away = found.away
     sys.stdout.write(
         f"{found.scans} scans on a map of {found.keys} key scans, {'cells of 5 cm' if cells else 'as points'}, "
         f"{'with' if kernels.COMPILED else 'without'} numba\n"
@@ -94,9 +95,9 @@ def measure(log: Path, relations: Path, split: float, *, cells: bool) -> None:
         f"(the map's own poses: {found.map_degrees:.3f} deg)\n"
         f"distance    mean {away.mean():.4f}, 95 % {np.quantile(away, 0.95):.4f}, largest {away.max():.3f} m\n"
         f"stated      {100 * found.inside:.1f} % within the ellipse for 95 %\n"
-        f"one scan    half of them {quantiles[0]:.1f}, 99 % {quantiles[1]:.1f}, slowest {quantiles[2]:.1f} ms\n"
+        f"one scan    {times_in_words(found.milliseconds)}\n"
+        f"AMCL        {COMPARED}\n"
     )
-    sys.stdout.write(f"AMCL        {COMPARED}\n")
     for each in found.found:
         words = "not found"
         if each.after is not None:
@@ -190,10 +191,13 @@ def _driven(
     Searches are done `at_once`, or the robot goes on until they would be done, as in a run.
     """
     localizer = ScanLocalizer(known, start=start)
-    poses, seconds, searches, done = [], [], [], deque[tuple[float, PlaceSearch, Match | None]]()
+    poses, seconds, searches = [], [], []
+    done: tuple[float, PlaceSearch, Match | None] | None = None
+    """The search under way: when it is done [s], what is looked for, and what it will find."""
     for reading in readings:
-        if done and reading.time >= done[0][0]:
-            localizer.take(*done.popleft()[1:])
+        if done is not None and reading.time >= done[0]:
+            localizer.take(*done[1:])
+            done = None
         begin = cpu_time()
         found = localizer.update(reading.points if reading.points is not None else np.empty((0, 4)), reading.odometry)
         seconds.append(cpu_time() - begin)
@@ -201,9 +205,6 @@ def _driven(
             begin = cpu_time()
             place = localizer.look(wanted)
             searches.append(cpu_time() - begin)
-            if at_once:
-                localizer.take(wanted, place)
-            else:
-                done.append((reading.time + searches[-1], wanted, place))
+            done = -inf if at_once else reading.time + searches[-1], wanted, place
         poses.append(found)
     return poses, np.array(seconds), searches
